@@ -1,0 +1,116 @@
+"""What a player hands to the referee: wheel torques as a function of time and state.
+
+The referee integrates the platform's own dynamics under a `Control`; it never takes the player's word for the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from occ.trajectory import PiecewisePolynomial
+
+
+class Control(Protocol):
+    """M(t, x): wheel torques [N m] from time [s] and state (6,)."""
+
+    @property
+    def knots(self) -> np.ndarray:
+        """(K,) [s] Times inside the horizon at which the torques are not smooth."""
+        ...
+
+    def torque(self, t: np.ndarray, state: np.ndarray) -> np.ndarray:
+        """M (n, N) [N m] at the times t (N,) [s] and states (6, N)."""
+        ...
+
+    def segment(self, start: float, end: float) -> Callable[[float, np.ndarray], np.ndarray]:
+        """The same at single times of one smooth piece [start, end]: a fast function (t, state (6,)) -> M (n,)."""
+        ...
+
+
+class BufferedFunction:
+    """Calls a CasADi function at one point without making CasADi matrices: a few microseconds a call.
+
+    Args:
+        function: with dense inputs and outputs, all real.
+    """
+
+    def __init__(self, function: ca.Function) -> None:
+        self._buffer, self._trigger = function.buffer()
+        self.inputs = [np.zeros(function.size_in(i), order="F") for i in range(function.n_in())]
+        self.outputs = [np.zeros(function.size_out(i), order="F") for i in range(function.n_out())]
+        for i, array in enumerate(self.inputs):
+            self._buffer.set_arg(i, memoryview(array))
+        for i, array in enumerate(self.outputs):
+            self._buffer.set_res(i, memoryview(array))
+
+    def __call__(self) -> None:
+        """Evaluate at what `inputs` hold; the results are in `outputs`."""
+        self._trigger()
+
+
+class SymbolicControl:
+    """M = law(t, x, u(t), data) with a CasADi function and, where it has one, an open-loop signal u(t).
+
+    Args:
+        law: CasADi function (t, state (6,), signal (m,), data (d,)) -> torque (n,).
+        data: (d,) the numbers of the task.
+        signal: u(t), m signals; None where the law is a pure feedback (m = 0).
+    """
+
+    def __init__(self, law: ca.Function, data: np.ndarray, signal: PiecewisePolynomial | None = None) -> None:
+        self.law, self.data, self.signal = law, data, signal
+
+    @property
+    def knots(self) -> np.ndarray:
+        return np.array([]) if self.signal is None else self.signal.edges[1:-1]
+
+    def torque(self, t: np.ndarray, state: np.ndarray) -> np.ndarray:
+        signal = np.zeros((0, len(t))) if self.signal is None else self.signal(t)
+        count = len(t)
+        data = ca.repmat(ca.DM(self.data), 1, count)
+        return np.array(self.law.map(count)(t[None, :], state, signal, data))
+
+    def segment(self, start: float, end: float) -> Callable[[float, np.ndarray], np.ndarray]:
+        call = BufferedFunction(self.law)
+        call.inputs[3][:, 0] = self.data
+        time, states, signals = call.inputs[0], call.inputs[1][:, 0], call.inputs[2]
+        result = call.outputs[0][:, 0]
+        signal = self.signal
+        interval = 0 if signal is None else int(np.searchsorted(signal.edges, (start + end) / 2)) - 1
+
+        def torque(t: float, state: np.ndarray) -> np.ndarray:
+            time[0, 0] = t
+            states[:] = state
+            if signal is not None:
+                signals[:, 0] = signal.within(interval, t)
+            call()
+            return result
+
+        return torque
+
+
+class PythonControl:
+    """M = function(t, x), any Python function of one time and one state.
+
+    Args:
+        function: (t [s], state (6,)) -> torque (n,) [N m].
+        knots: (K,) [s] times at which it is not smooth.
+    """
+
+    def __init__(self, function: Callable[[float, np.ndarray], np.ndarray], knots: np.ndarray | None = None) -> None:
+        self.function = function
+        self._knots = np.array([]) if knots is None else np.asarray(knots, dtype=float)
+
+    @property
+    def knots(self) -> np.ndarray:
+        return self._knots
+
+    def torque(self, t: np.ndarray, state: np.ndarray) -> np.ndarray:
+        return np.column_stack([self.function(float(time), state[:, i]) for i, time in enumerate(t)])
+
+    def segment(self, start: float, end: float) -> Callable[[float, np.ndarray], np.ndarray]:
+        return self.function

@@ -1,0 +1,232 @@
+"""Laws that keep B on its program: each is one choice of the yaw acceleration.
+
+To add a law: write a frozen dataclass with `kind` and `yaw_acceleration` in a file of this folder and put it into
+`LAWS` of this package.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import ClassVar
+
+import casadi as ca
+import numpy as np
+
+from occ.checks import check_fields
+from occ.control import BufferedFunction, SymbolicControl
+from occ.errors import Status
+from occ.model.coefficients import Coefficients, packed_size, unpack
+from occ.model.constraint import OnProgram, PathSymbols, path_functions
+from occ.motion import ProgramMotion, kinematics_function
+from occ.task import Claim, Solution, Start, StartClass, Task
+from occ.trajectory import Trajectory
+
+LARGEST_YAW_RATE = 1e4
+"""[rad/s] A yaw rate beyond this is reported as unstable."""
+SAMPLES_PER_SECOND = 40
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What a path-keeping law may look at, all CasADi expressions.
+
+    Args:
+        t: [s].
+        heading: [rad] psi.
+        yaw_rate: [rad/s] Omega.
+        program_velocity: (2,) [m/s] of B on the floor.
+        program_acceleration: (2,) [m/s^2] of B on the floor.
+        point: (2,) [m] B in the body frame.
+        matrices: of the platform, eq. (2.16).
+        on_program: pseudo-velocity and its rate with B on its program, eqs. (3.6), (3.7).
+    """
+
+    t: ca.SX
+    heading: ca.SX
+    yaw_rate: ca.SX
+    program_velocity: ca.SX
+    program_acceleration: ca.SX
+    point: ca.SX
+    matrices: Coefficients
+    on_program: OnProgram
+
+
+@dataclass(frozen=True, kw_only=True)
+class PathKeepingLaw(ABC):
+    """pi' = C Omega + V*, eq. (3.7), with Omega' chosen by the law and minimum-norm wheel torques.
+
+    V_X and V_Y are reconstructed from heading and yaw rate by eq. (3.6); they are not measured.
+    """
+
+    kind: ClassVar[str]
+    start_class: ClassVar[StartClass] = "given"
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+    @abstractmethod
+    def yaw_acceleration(self, moment: Moment) -> ca.SX:
+        """Omega' [rad/s^2], a CasADi expression of the moment (a plain number is one, too)."""
+
+    def start(self, task: Task) -> Start:
+        """Heading and yaw rate with which the law starts; the task's unless the law has its own."""
+        return task.start
+
+    def solve(self, task: Task) -> Solution:
+        """Integrate the law's yaw equation and return its torques as feedback of (t, heading, yaw rate).
+
+        Args:
+            task: what to do.
+
+        Returns:
+            Solution of keep class ``path`` and free end.
+        """
+        structure = type(task.motion), task.motion.structure(), len(task.motion.values())
+        yaw, torque = _law_functions(self, task.platform.wheel_count, *structure)
+        begin = self.start(task)
+        claim = Claim(start=self.start_class)
+        first = task.state_on_program(0.0, begin.heading, begin.heading_rate)
+        control = SymbolicControl(torque, task.path_data)
+        t = np.linspace(0.0, task.duration, max(201, 1 + int(SAMPLES_PER_SECOND * min(task.duration, 1e3))))
+        motion, reason = integrate_yaw(yaw, task.path_data, begin, t)
+        if motion is None:
+            return Solution(control=control, start_state=first, claim=claim, status=Status.UNSTABLE, message=reason)
+        heading, yaw_rate, acceleration = motion
+        return Solution(
+            control=control,
+            start_state=first,
+            claim=claim,
+            claimed=path_trajectory(task, t, heading, yaw_rate, acceleration),
+        )
+
+
+@cache
+def _law_functions(
+    law: PathKeepingLaw, wheel_count: int, motion: type[ProgramMotion], structure: tuple[int, ...], size: int
+) -> tuple[ca.Function, ca.Function]:
+    """CasADi functions yaw (t, heading, yaw_rate, data) -> Omega' and torque (t, state, signal, data) -> M."""
+    t, state = ca.SX.sym("t"), ca.SX.sym("state", 6)
+    data = ca.SX.sym("data", packed_size(wheel_count) + 2 + size)
+    packed, point, values = ca.vertsplit(
+        data, [0, packed_size(wheel_count), packed_size(wheel_count) + 2, data.numel()]
+    )
+    _, velocity, acceleration = kinematics_function(motion, structure, size)(t, values)
+    symbols = PathSymbols(packed, point, state[2], state[5], velocity, acceleration)
+    moment = Moment(
+        t=t,
+        heading=symbols.heading,
+        yaw_rate=symbols.yaw_rate,
+        program_velocity=velocity,
+        program_acceleration=acceleration,
+        point=point,
+        matrices=unpack(packed, wheel_count),
+        on_program=symbols.on_program(),
+    )
+    chosen = ca.SX(law.yaw_acceleration(moment))
+    torque = path_functions(wheel_count)["torque"](*symbols, chosen, ca.SX.zeros(wheel_count - 3))
+    heading, yaw_rate = ca.SX.sym("heading"), ca.SX.sym("yaw_rate")
+    reduced = ca.substitute(chosen, state, ca.vertcat(0, 0, heading, 0, 0, yaw_rate))
+    return (
+        ca.Function("yaw", [t, heading, yaw_rate, data], [ca.densify(reduced)]),
+        ca.Function("law", [t, state, ca.SX.sym("signal", 0), data], [ca.densify(torque)]),
+    )
+
+
+def integrate_yaw(
+    yaw: ca.Function, data: np.ndarray, start: Start, t: np.ndarray, tolerance: float = 1e-11
+) -> tuple[np.ndarray | None, str]:
+    """psi' = Omega, Omega' = yaw(t, psi, Omega), integrated by an explicit Runge-Kutta method of order 8.
+
+    Args:
+        yaw: CasADi function (t, heading, yaw_rate, data) -> Omega'.
+        data: (d,) numbers of the task.
+        start: psi(0), Omega(0).
+        t: (N,) [s] where to report.
+        tolerance: relative and absolute, of the integrator.
+
+    Returns:
+        (3, N) heading, yaw rate, yaw acceleration, or None with the reason.
+
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.5 (DOP853).
+    """
+    from scipy.integrate import solve_ivp
+
+    rate = yaw_rate_function(yaw, data)
+
+    def escaped(_: float, y: np.ndarray) -> float:
+        return LARGEST_YAW_RATE - abs(y[1])
+
+    escaped.terminal = True  # type: ignore[attr-defined]
+    result = solve_ivp(
+        rate,
+        (0.0, t[-1]),
+        [start.heading, start.heading_rate],
+        method="DOP853",
+        t_eval=t,
+        rtol=tolerance,
+        atol=tolerance,
+        events=escaped,
+    )
+    if result.status != 0 or not np.all(np.isfinite(result.y)):
+        return (
+            None,
+            f"the yaw rate passes {LARGEST_YAW_RATE:g} rad/s at t = {result.t[-1] if len(result.t) else 0:.4g} s",
+        )
+    heading, omega = result.y
+    count = len(t)
+    acceleration = np.array(
+        yaw.map(count)(t[None, :], heading[None, :], omega[None, :], ca.repmat(ca.DM(data), 1, count))
+    )
+    return np.vstack([heading, omega, acceleration]), ""
+
+
+def yaw_rate_function(yaw: ca.Function, data: np.ndarray) -> Callable[[float, np.ndarray], np.ndarray]:
+    """The right-hand side (Omega, Omega') of a yaw equation as a fast function of t and (psi, Omega)."""
+    call = BufferedFunction(yaw)
+    call.inputs[3][:, 0] = data
+    time, heading, omega = (call.inputs[i] for i in range(3))
+    result = call.outputs[0]
+
+    def rate(t: float, y: np.ndarray) -> np.ndarray:
+        time[0, 0], heading[0, 0], omega[0, 0] = t, y[0], y[1]
+        call()
+        return np.array([y[1], result[0, 0]])
+
+    return rate
+
+
+def path_trajectory(
+    task: Task, t: np.ndarray, heading: np.ndarray, yaw_rate: np.ndarray, yaw_acceleration: np.ndarray
+) -> Trajectory:
+    """The full motion of the platform from its rotation while B is on its program, eqs. (2.1), (3.6), (3.7).
+
+    Args:
+        task: platform, point and motion.
+        t: (N,) [s].
+        heading: (N,) [rad].
+        yaw_rate: (N,) [rad/s].
+        yaw_acceleration: (N,) [rad/s^2].
+
+    Returns:
+        States and their rates.
+    """
+    state = task.states_on_program(t, heading, yaw_rate)
+    _, velocity, acceleration = task.motion.at(t)
+    c, s = np.cos(heading), np.sin(heading)
+    b_x, b_y = task.point
+    v_star = np.array([c * velocity[0] + s * velocity[1], -s * velocity[0] + c * velocity[1]])
+    a_star = np.array([c * acceleration[0] + s * acceleration[1], -s * acceleration[0] + c * acceleration[1]])
+    rate = np.vstack(
+        [
+            c * state[3] - s * state[4],
+            s * state[3] + c * state[4],
+            yaw_rate,
+            a_star[0] + yaw_rate * v_star[1] + b_y * yaw_acceleration,
+            a_star[1] - yaw_rate * v_star[0] - b_x * yaw_acceleration,
+            yaw_acceleration,
+        ]
+    )
+    return Trajectory(t, state, rate)

@@ -1,0 +1,190 @@
+"""A task (platform, point B, program motion, start, horizon, limits), and what a player makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, Literal, Protocol
+
+import casadi as ca
+import numpy as np
+
+from occ.checks import Angle, Positive, Vector2, check_fields
+from occ.control import Control
+from occ.errors import InputError, Status
+from occ.model.coefficients import coefficients
+from occ.model.constraint import path_functions
+from occ.model.dynamics import Dynamics, dynamics
+from occ.model.platform import Platform
+from occ.motion import ProgramMotion
+from occ.trajectory import Trajectory
+
+LONGEST_HORIZON = 1e6
+"""[s] Durations beyond this are taken for a mistake."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Start:
+    """psi(0) and Omega(0); B starts on its program in position and velocity.
+
+    Args:
+        heading: [rad] psi(0).
+        heading_rate: [rad/s] Omega(0).
+    """
+
+    heading: Angle = 0.0
+    heading_rate: float = 0.0
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Limits:
+    """|M_i| <= torque, |phi_i'| <= wheel_speed, |M_i phi_i'| <= wheel_power on each wheel; None is no limit.
+
+    Args:
+        torque: [N m].
+        wheel_speed: [rad/s].
+        wheel_power: [W].
+    """
+
+    torque: Positive | None = None
+    wheel_speed: Positive | None = None
+    wheel_power: Positive | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Task:
+    """Keep point B of a platform on its program motion over 0 <= t <= T.
+
+    Args:
+        platform: the plant.
+        point: (2,) [m] B = (b_X, b_Y) in the body frame.
+        motion: r_B*(t).
+        duration: [s] T.
+        start: heading and yaw rate at t = 0.
+        limits: of the wheels.
+
+    Raises:
+        InputError: a point that is not finite or a horizon that is not in (0, 1e6] s.
+    """
+
+    platform: Platform
+    point: Vector2
+    motion: ProgramMotion
+    duration: Positive
+    start: Start = Start()
+    limits: Limits = Limits()
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.duration > LONGEST_HORIZON:
+            raise InputError(f"Task: duration should be at most {LONGEST_HORIZON:g} s, not {self.duration!r}")
+
+    @property
+    def dynamics(self) -> Dynamics:
+        """The platform's dynamics."""
+        return dynamics(self.platform)
+
+    @cached_property
+    def path_data(self) -> np.ndarray:
+        """(d,) Packed platform matrices, point and motion numbers: the data of every path-keeping function."""
+        return np.concatenate([coefficients(self.platform), self.point, self.motion.values()])
+
+    def state_on_program(self, t: float, heading: float, yaw_rate: float) -> np.ndarray:
+        """x_O = r_B* - R(psi) b with V_X, V_Y by eq. (3.6).
+
+        Args:
+            t: [s].
+            heading: [rad].
+            yaw_rate: [rad/s].
+
+        Returns:
+            (6,) state with B on its program in position and velocity.
+        """
+        return self.states_on_program(np.array([t]), np.array([heading]), np.array([yaw_rate]))[:, 0]
+
+    def states_on_program(self, t: np.ndarray, heading: np.ndarray, yaw_rate: np.ndarray) -> np.ndarray:
+        """The same for many times at once: t, heading, yaw_rate (N,); result (6, N)."""
+        position, velocity, acceleration = self.motion.at(t)
+        b_x, b_y = self.point
+        c, s = np.cos(heading), np.sin(heading)
+        center = position - np.array([c * b_x - s * b_y, s * b_x + c * b_y])
+        count = len(t)
+        function = path_functions(self.platform.wheel_count)["velocity"].map(count)
+        shared = ca.repmat(ca.DM(coefficients(self.platform)), 1, count), ca.repmat(ca.DM(self.point), 1, count)
+        pseudo = np.array(function(*shared, heading[None, :], yaw_rate[None, :], velocity, acceleration))
+        return np.vstack([center, heading[None, :], pseudo])
+
+    def point_motion(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """r_B = r_O + R(psi) b and its velocity on the floor.
+
+        Args:
+            state: (6, N).
+
+        Returns:
+            Position [m] and velocity [m/s] of B, each (2, N).
+        """
+        x, y, heading, v_x, v_y, omega = state
+        b_x, b_y = self.point
+        c, s = np.cos(heading), np.sin(heading)
+        position = np.array([x + c * b_x - s * b_y, y + s * b_x + c * b_y])
+        body_x, body_y = v_x - omega * b_y, v_y + omega * b_x
+        return position, np.array([c * body_x - s * body_y, s * body_x + c * body_y])
+
+
+Keep = Literal["path"]
+StartClass = Literal["given", "own"]
+EndClass = Literal["free", "law"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Claim:
+    """What a solution says of itself, which the referee checks.
+
+    Args:
+        keep: ``path``: B stays on its program in position and velocity.
+        start: ``given``: the task's start; ``own``: another heading or yaw rate, not charged for getting there.
+        end: ``free``, or ``law``: the end state of the servo law from the same start.
+    """
+
+    keep: Keep = "path"
+    start: StartClass = "given"
+    end: EndClass = "free"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Solution:
+    """A player's answer to a task.
+
+    Args:
+        control: the wheel torques; None where the player found none.
+        start_state: (6,) where the motion starts; None where the player found no solution.
+        claim: what the player says of it.
+        claimed: the motion that the player expects; None where it expects nothing.
+        status: ``OK`` unless the player itself gave up.
+        message: why, in words with numbers and units.
+        statistics: of the solver, for the record of the run.
+        local_objective: name of the objective of which the player says that this is a local optimum.
+    """
+
+    control: Control | None
+    start_state: np.ndarray | None
+    claim: Claim = Claim()
+    claimed: Trajectory | None = None
+    status: Status = Status.OK
+    message: str = ""
+    statistics: dict[str, Any] = field(default_factory=dict)
+    local_objective: str | None = None
+
+
+class Player(Protocol):
+    """Anything that maps a task to a solution: a law, an optimal controller, an allocation."""
+
+    def solve(self, task: Task) -> Solution:
+        """Find wheel torques for the task; numerical failure is a solution with a status, not an exception."""
+        ...
