@@ -1,0 +1,272 @@
+"""The referee: every number of a row is recomputed from the control, the true dynamics and the exact cost.
+
+It sees no player: a `Solution` is a control, a start and a claim, and each claim is checked.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from occ.errors import Status
+from occ.objectives import OBJECTIVES
+from occ.referee.record import Record
+from occ.referee.reference import servo_end_state
+from occ.referee.replay import Replay, ReplayError, ReplaySettings, Samples
+from occ.task import Solution, Task
+
+
+@dataclass(frozen=True, kw_only=True)
+class Tolerances:
+    """What the referee lets pass.
+
+    Args:
+        path: [m] and [m/s times max(1, program speed)] distance of B from its program.
+        start: distance of the start state from the claimed class of starts, in SI units.
+        end: distance of the end state from the claimed class of ends, in SI units.
+        replay: [m] distance between claimed and true motion.
+        energy: residual of the energy ledger, relative to the sum of its terms' sizes.
+        limit: excess over a limit, relative to it.
+        integration: settings of the replay.
+    """
+
+    path: float = 1e-7
+    start: float = 1e-9
+    end: float = 1e-5
+    replay: float = 1e-4
+    energy: float = 1e-9
+    limit: float = 1e-6
+    integration: ReplaySettings = field(default_factory=ReplaySettings)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """A record and the true motion behind it; ``samples`` is None where there was none."""
+
+    record: Record
+    replay: Replay | None = None
+    samples: Samples | None = None
+
+
+def judge(task: Task, solution: Solution, tolerances: Tolerances | None = None) -> Record:
+    """Recompute every measure of a solution and check each of its claims.
+
+    Args:
+        task: what was to be done.
+        solution: what the player made of it.
+        tolerances: what the referee lets pass.
+
+    Returns:
+        The row; its status is ``OK`` only if the solution is what it claims to be and holds the task's limits.
+    """
+    return examine(task, solution, tolerances).record
+
+
+def examine(task: Task, solution: Solution, tolerances: Tolerances | None = None) -> Verdict:
+    """`judge`, together with the true motion."""
+    tolerances = tolerances or Tolerances()
+    claim = solution.claim
+    record = Record(
+        status=solution.status,
+        message=solution.message,
+        keep=claim.keep,
+        start=claim.start,
+        end=claim.end,
+        local_objective=solution.local_objective,
+    )
+    if solution.control is None or solution.start_state is None:
+        if record.status is Status.OK:
+            record = replace(record, status=Status.FAILED, message="the player returned neither a control nor a reason")
+        return Verdict(record)
+    try:
+        replay = Replay(task.platform, solution.control, solution.start_state, task.duration, tolerances.integration)
+        samples = replay.samples()
+    except ReplayError as error:
+        if record.status is Status.OK:
+            record = replace(record, status=Status.UNSTABLE, message=str(error))
+        return Verdict(record)
+    measures = measure(task, solution, replay, samples)
+    record = replace(record, measures=measures)
+    if record.status is Status.OK:
+        status, message = _check(task, solution, measures, replay, samples, tolerances)
+        record = replace(record, status=status, message=message or record.message)
+    return Verdict(record, replay, samples)
+
+
+def measure(task: Task, solution: Solution, replay: Replay, samples: Samples) -> dict[str, float]:
+    """All numbers of a row from the true motion.
+
+    Args:
+        task: platform, motion and limits.
+        solution: for what it claimed.
+        replay: the true motion.
+        samples: the same on quadrature nodes.
+
+    Returns:
+        By the names of `MEASURES`.
+    """
+    integrals = samples.integrands @ samples.weight
+    measures = {item.column: float(integrals[i]) for i, item in enumerate(OBJECTIVES.values())}
+    kinetic = float(samples.kinetic_energy[-1] - samples.kinetic_energy[0])
+    dissipation = float(samples.dissipation @ samples.weight)
+    measures |= {
+        "kinetic_change_J": kinetic,
+        "dissipation_J": dissipation,
+        "energy_residual_J": measures["work_J"] - kinetic - dissipation,
+        "peak_torque_Nm": _peak(replay, samples, "torque")[0],
+        "peak_wheel_speed_rad_s": _peak(replay, samples, "wheel_rates")[0],
+        "peak_power_W": _peak(replay, samples, "power")[0],
+    }
+    position, velocity = task.point_motion(samples.state)
+    program, program_velocity, _ = task.motion.at(samples.t)
+    distance = np.hypot(*(position - program))
+    measures |= {
+        "velocity_error_m_s": float(np.hypot(*(velocity - program_velocity)).max()),
+        "position_error_m": float(distance.max()),
+        "position_error_end_m": float(distance[-1]),
+    }
+    measures["defect"], measures["replay_error_m"] = _claim_errors(task, solution, replay)
+    measures["limit_excess"] = max((excess for excess, _ in _excesses(task, replay, samples)), default=0.0)
+    return measures
+
+
+def _peak(replay: Replay, samples: Samples, quantity: str) -> tuple[float, int, float]:
+    """Largest absolute value between nodes too: the best panel is sampled again, three times finer and finer.
+
+    Returns:
+        Value, wheel (from 0) and time [s].
+    """
+    values = np.abs(getattr(samples, quantity))
+    wheel, column = np.unravel_index(np.argmax(values), values.shape)
+    best, when = float(values[wheel, column]), float(samples.t[column])
+    low, high = samples.t[max(column - 1, 0)], samples.t[min(column + 1, len(samples.t) - 1)]
+    for _ in range(3):
+        if not high > low:
+            break
+        t = np.linspace(low, high, 17)
+        fine = np.abs(getattr(replay.sample(t), quantity)[wheel])
+        k = int(np.argmax(fine))
+        low, high = t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)]
+        if fine[k] > best:
+            best, when = float(fine[k]), float(t[k])
+    return best, int(wheel), when
+
+
+def _excesses(task: Task, replay: Replay, samples: Samples) -> list[tuple[float, str]]:
+    """Relative excess over each limit of the task, with the sentence that names wheel, time, value and limit."""
+    limits = task.limits
+    rules = (
+        (limits.torque, "torque", "torque", "N m"),
+        (limits.wheel_speed, "wheel_rates", "speed", "rad/s"),
+        (limits.wheel_power, "power", "power", "W"),
+    )
+    found = []
+    for limit, quantity, word, unit in rules:
+        if limit is None:
+            continue
+        value, wheel, t = _peak(replay, samples, quantity)
+        over = np.any(np.abs(getattr(samples, quantity)) > limit, axis=0)
+        share = float(samples.weight[over].sum())
+        sentence = (
+            f"wheel {wheel + 1} {word} needs {value:.4f} {unit} at t = {t:.3f} s; limit {limit:g} {unit} "
+            f"(exceeded by {value - limit:.4f} {unit}; some wheel is over it for {share:.3g} s)"
+        )
+        found.append((max(value / limit - 1.0, 0.0), sentence))
+    return found
+
+
+def _claim_errors(task: Task, solution: Solution, replay: Replay) -> tuple[float, float]:
+    """Residual of the claimed motion in the equations of motion, and its distance from the true motion [m]."""
+    claimed = solution.claimed
+    if claimed is None:
+        return 0.0, 0.0
+    assert solution.control is not None
+    torque = solution.control.torque(claimed.t, claimed.state)
+    forward = task.dynamics.functions["forward"].map(len(claimed.t))
+    rate = np.array(forward(claimed.state, torque))
+    residual = np.abs(claimed.state_rate - rate) / np.maximum(1.0, np.abs(rate).max(axis=1, keepdims=True))
+    true = replay.at(claimed.t)
+    center = np.hypot(*(claimed.state[:2] - true[:2]))
+    point = np.hypot(*(task.point_motion(claimed.state)[0] - task.point_motion(true)[0]))
+    return float(residual.max()), float(max(center.max(), point.max()))
+
+
+def _check(
+    task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
+) -> tuple[Status, str]:
+    """The first claim that does not hold, or ``OK``."""
+    if not all(np.isfinite(value) for value in measures.values()):
+        names = ", ".join(name for name, value in measures.items() if not np.isfinite(value))
+        return Status.FAILED, f"not finite: {names}"
+    for check in (_check_energy, _check_start, _check_path, _check_claimed, _check_end):
+        reason = check(task, solution, measures, replay, samples, allowed)
+        if reason:
+            return Status.FAILED, reason
+    excess, sentence = max(_excesses(task, replay, samples), default=(0.0, ""))
+    if excess > allowed.limit:
+        return Status.INFEASIBLE, sentence
+    return Status.OK, ""
+
+
+def _check_energy(
+    task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
+) -> str:
+    size = abs(measures["work_J"]) + abs(measures["kinetic_change_J"]) + measures["dissipation_J"]
+    size += float(samples.kinetic_energy.max())
+    residual = measures["energy_residual_J"]
+    if abs(residual) > allowed.energy * max(size, 1e-3):
+        return f"the energy ledger does not close: work - kinetic change - dissipation = {residual:.3g} J"
+    return ""
+
+
+def _check_start(
+    task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
+) -> str:
+    state = solution.start_state
+    assert state is not None
+    if solution.claim.start == "given":
+        start = task.start.heading, task.start.heading_rate
+        where = "the task's start"
+    else:
+        start = state[2], state[5]
+        where = "a start with B on its program"
+    distance = float(np.abs(task.state_on_program(0.0, *start) - state).max())
+    if distance > allowed.start:
+        return f"the motion starts {distance:.3g} (SI units) away from {where}"
+    return ""
+
+
+def _check_path(
+    task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
+) -> str:
+    speed = float(np.hypot(*task.motion.at(samples.t)[1]).max())
+    if measures["velocity_error_m_s"] > allowed.path * max(1.0, speed):
+        return f"B leaves its program velocity by {measures['velocity_error_m_s']:.3g} m/s"
+    if measures["position_error_m"] > allowed.path * max(1.0, speed * task.duration):
+        return f"B leaves its program by {measures['position_error_m']:.3g} m"
+    return ""
+
+
+def _check_claimed(
+    task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
+) -> str:
+    claimed = solution.claimed
+    if claimed is None:
+        return ""
+    if abs(claimed.t[0]) > 1e-12 or abs(claimed.t[-1] - task.duration) > 1e-9 * task.duration:
+        return f"the claimed motion covers {claimed.t[0]:.6g} s to {claimed.t[-1]:.6g} s, not the whole horizon"
+    if measures["replay_error_m"] > allowed.replay:
+        return f"the claimed motion is {measures['replay_error_m']:.3g} m away from the true one"
+    return ""
+
+
+def _check_end(
+    task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
+) -> str:
+    if solution.claim.end == "free":
+        return ""
+    distance = float(np.abs(servo_end_state(task) - replay.end_state).max())
+    if distance > allowed.end:
+        return f"the motion ends {distance:.3g} (SI units) away from the servo law's end state"
+    return ""

@@ -1,0 +1,262 @@
+"""The true motion under a control: the platform's own dynamics, integrated independently of every player."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import numpy as np
+
+from occ.control import BufferedFunction, Control
+from occ.model.coefficients import coefficients, packed_size, unpack
+from occ.model.dynamics import state_rate
+from occ.model.platform import Platform
+from occ.objectives import measure_function
+
+LARGEST_STATE = 1e6
+"""A state (SI) beyond this is reported as unstable."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ReplaySettings:
+    """How finely the referee looks.
+
+    Args:
+        tolerance: relative tolerance of the integrator; a tenth of it is the absolute one.
+        nodes: of the Gauss-Lobatto rule on each step of the integrator.
+        longest_step: of the integrator, in units of the platform's shortest time constant of friction: an explicit
+            method works at the border of its stability otherwise, where its error estimate is blind.
+    """
+
+    tolerance: float = 1e-12
+    nodes: int = 8
+    longest_step: float = 1.5
+
+
+class ReplayError(Exception):
+    """The integration cannot be finished; carries the time [s] and the reason."""
+
+    def __init__(self, t: float, reason: str) -> None:
+        super().__init__(f"{reason} at t = {t:.6g} s")
+
+
+@cache
+def _forward(wheel_count: int) -> ca.Function:
+    """CasADi function (coefficients, state, torque) -> d(state)/dt."""
+    packed = ca.SX.sym("coefficients", packed_size(wheel_count))
+    state, torque = ca.SX.sym("state", 6), ca.SX.sym("torque", wheel_count)
+    acceleration = unpack(packed, wheel_count).acceleration(state[3:], torque)
+    return ca.Function("forward", [packed, state, torque], [ca.densify(state_rate(state[2], state[3:], acceleration))])
+
+
+@cache
+def _energies(wheel_count: int) -> ca.Function:
+    """CasADi function (coefficients, state) -> T, pi'^T Z pi', phi'."""
+    packed, state = ca.SX.sym("coefficients", packed_size(wheel_count)), ca.SX.sym("state", 6)
+    k, velocity = unpack(packed, wheel_count), state[3:]
+    outputs = [k.kinetic_energy(velocity), ca.bilin(k.friction, velocity, velocity), k.wheel_rates @ velocity]
+    return ca.Function("energies", [packed, state], [ca.densify(x) for x in outputs])
+
+
+def _shortest_time_constant(platform: Platform) -> float:
+    """[s] 1 / the largest eigenvalue of A^-1 Z; infinite without friction."""
+    k = unpack(ca.DM(coefficients(platform)), platform.wheel_count)
+    fastest = np.abs(np.linalg.eigvals(np.linalg.solve(np.array(k.inertia), np.array(k.friction)))).max()
+    return 1.0 / fastest if fastest > 0 else math.inf
+
+
+@dataclass(frozen=True)
+class Samples:
+    """A motion on quadrature nodes: integral of g dt = sum of weight * g.
+
+    Args:
+        t: (N,) [s] nodes, increasing; a panel's end and the next one's beginning are both there.
+        weight: (N,) [s].
+        state: (6, N).
+        torque: (n, N) [N m].
+        wheel_rates: (n, N) [rad/s].
+        kinetic_energy: (N,) [J].
+        dissipation: (N,) [W] pi'^T Z pi'.
+        integrands: (m, N) of all objectives, in the order of OBJECTIVES.
+        nodes: of each panel; N is a multiple of it.
+    """
+
+    t: np.ndarray
+    weight: np.ndarray
+    state: np.ndarray
+    torque: np.ndarray
+    wheel_rates: np.ndarray
+    kinetic_energy: np.ndarray
+    dissipation: np.ndarray
+    integrands: np.ndarray
+    nodes: int
+
+    @property
+    def power(self) -> np.ndarray:
+        """(n, N) [W] M_i phi_i'."""
+        return self.torque * self.wheel_rates
+
+
+class Replay:
+    """x(t): the motion of a platform under a control from a start state.
+
+    Args:
+        platform: the plant.
+        control: the wheel torques.
+        start: (6,) x(0).
+        duration: [s] T.
+        settings: tolerances.
+
+    Raises:
+        ReplayError: the state grows beyond any physical value, is not finite, or the integrator gives up.
+
+    Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.5 and II.6 (DOP853, dense output).
+    """
+
+    def __init__(
+        self,
+        platform: Platform,
+        control: Control,
+        start: np.ndarray,
+        duration: float,
+        settings: ReplaySettings | None = None,
+    ) -> None:
+        self.platform, self.control, self.duration = platform, control, duration
+        self.settings = settings or ReplaySettings()
+        inner = control.knots[(control.knots > 0.0) & (control.knots < duration)]
+        self.edges = np.concatenate([[0.0], inner, [duration]])
+        self._longest_step = self.settings.longest_step * _shortest_time_constant(platform)
+        self._pieces = []
+        state = np.asarray(start, dtype=float)
+        for begin, end in zip(self.edges[:-1], self.edges[1:], strict=True):
+            piece, state = self._integrate(begin, end, state)
+            self._pieces.append(piece)
+        self.end_state = state
+
+    def _integrate(self, begin: float, end: float, state: np.ndarray) -> tuple[Callable[..., np.ndarray], np.ndarray]:
+        from scipy.integrate import solve_ivp
+
+        forward = BufferedFunction(_forward(self.platform.wheel_count))
+        forward.inputs[0][:, 0] = coefficients(self.platform)
+        state_in, torque_in, result = forward.inputs[1][:, 0], forward.inputs[2][:, 0], forward.outputs[0]
+        torque = self.control.segment(begin, end)
+
+        def rate(t: float, x: np.ndarray) -> np.ndarray:
+            torque_in[:] = torque(t, x)
+            state_in[:] = x
+            forward()
+            if not math.isfinite(result.sum()) or abs(x).max() > LARGEST_STATE:
+                raise ReplayError(t, "the motion leaves every physical range")
+            return result[:, 0].copy()
+
+        outcome = solve_ivp(
+            rate,
+            (begin, end),
+            state,
+            method="DOP853",
+            dense_output=True,
+            rtol=self.settings.tolerance,
+            atol=self.settings.tolerance / 10,
+            max_step=min(self._longest_step, self.duration / 40),
+        )
+        if outcome.status != 0:
+            raise ReplayError(float(outcome.t[-1]), "the step of the integrator shrinks to nothing")
+        return outcome.sol, outcome.y[:, -1]
+
+    def at(self, t: np.ndarray) -> np.ndarray:
+        """x (6, N) at the times t (N,) [s]."""
+        piece = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self._pieces) - 1)
+        state = np.empty((6, len(t)))
+        for k in np.unique(piece):
+            chosen = piece == k
+            state[:, chosen] = self._pieces[k](t[chosen])
+        return state
+
+    def sample(self, t: np.ndarray) -> Samples:
+        """Motion, torques and energies at any times t (N,) [s]; the weights are zero."""
+        return self._evaluate(t, np.zeros(len(t)), self.at(t), 1)
+
+    def samples(self) -> Samples:
+        """The motion on the nodes of a Gauss-Lobatto rule on every step, split where an integrand has a kink."""
+        first = self._quadrature(self._steps())
+        kinks = self._kinks(first)
+        crossings = self._crossings(first, kinks)
+        if not crossings.size:
+            return first
+        return self._quadrature(np.unique(np.concatenate([self._steps(), crossings])))
+
+    def _steps(self) -> np.ndarray:
+        return np.unique(np.concatenate([piece.ts for piece in self._pieces]))  # type: ignore[attr-defined]
+
+    def _quadrature(self, breaks: np.ndarray) -> Samples:
+        nodes, weights = gauss_lobatto(self.settings.nodes)
+        h = np.diff(breaks)
+        t = (breaks[:-1, None] + h[:, None] * nodes).ravel()
+        # Every panel lies in one piece; its right end belongs to it and not to the next piece.
+        middle = (breaks[:-1] + breaks[1:]) / 2
+        piece = np.repeat(np.clip(np.searchsorted(self.edges, middle) - 1, 0, len(self._pieces) - 1), len(nodes))
+        state = np.empty((6, len(t)))
+        torque = np.empty((self.platform.wheel_count, len(t)))
+        for k in np.unique(piece):
+            chosen = piece == k
+            state[:, chosen] = self._pieces[k](t[chosen])
+            torque[:, chosen] = self._torque_on(k, t[chosen], state[:, chosen])
+        return self._evaluate(t, (h[:, None] * weights).ravel(), state, len(nodes), torque)
+
+    def _torque_on(self, k: int, t: np.ndarray, state: np.ndarray) -> np.ndarray:
+        """Torques inside piece k: its right end is moved a hair inwards, so that the piece's own signal is taken."""
+        end = self.edges[k + 1]
+        inside = end - 1e-13 * max(end - self.edges[k], 1e-3) if k + 1 < len(self.edges) - 1 else end
+        return self.control.torque(np.minimum(t, inside), state)
+
+    def _evaluate(
+        self, t: np.ndarray, weight: np.ndarray, state: np.ndarray, nodes: int, torque: np.ndarray | None = None
+    ) -> Samples:
+        count, wheels = len(t), self.platform.wheel_count
+        if torque is None:
+            torque = self.control.torque(t, state)
+        packed = ca.repmat(ca.DM(coefficients(self.platform)), 1, count)
+        kinetic, dissipation, rates = (np.array(x) for x in _energies(wheels).map(count)(packed, state))
+        integrands = np.array(measure_function(wheels).map(count)(torque, rates)[0])
+        return Samples(t, weight, state, torque, rates, kinetic[0], dissipation[0], integrands, nodes)
+
+    def _kinks(self, samples: Samples) -> np.ndarray:
+        count = len(samples.t)
+        return np.array(measure_function(self.platform.wheel_count).map(count)(samples.torque, samples.wheel_rates)[1])
+
+    def _crossings(self, samples: Samples, kinks: np.ndarray) -> np.ndarray:
+        """(K,) [s] Times at which a kink expression changes its sign, by bisection of all brackets at once."""
+        same_panel = np.arange(len(samples.t) - 1) % samples.nodes != samples.nodes - 1
+        row, column = np.nonzero((kinks[:, :-1] * kinks[:, 1:] < 0) & same_panel)
+        if not row.size:
+            return np.array([])
+        low, high = samples.t[column], samples.t[column + 1]
+        sign = np.sign(kinks[row, column])
+        order = np.arange(len(row))
+        for _ in range(48):
+            middle = (low + high) / 2
+            value = self._kinks(self.sample(middle))[row, order]
+            left = np.sign(value) == sign
+            low, high = np.where(left, middle, low), np.where(left, high, middle)
+        return (low + high) / 2
+
+
+@cache
+def gauss_lobatto(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights of the Gauss-Lobatto rule on [0, 1], exact for polynomials of degree 2 count - 3.
+
+    Args:
+        count: at least 2.
+
+    Returns:
+        Nodes (count,) and weights (count,).
+
+    Source: Abramowitz and Stegun, Handbook of Mathematical Functions, 25.4.32.
+    """
+    legendre = np.polynomial.legendre.Legendre.basis(count - 1)
+    x = np.concatenate([[-1.0], np.sort(legendre.deriv().roots().real), [1.0]])
+    w = 2.0 / (count * (count - 1) * legendre(x) ** 2)
+    return (x + 1) / 2, w / 2
