@@ -95,6 +95,11 @@ class Task:
         """(d,) Packed platform matrices, point and motion numbers: the data of every path-keeping function."""
         return np.concatenate([coefficients(self.platform), self.point, self.motion.values()])
 
+    @property
+    def motion_structure(self) -> tuple[type[ProgramMotion], tuple[int, ...], int]:
+        """What of the motion shapes a CasADi function, as opposed to its numbers."""
+        return type(self.motion), self.motion.structure(), len(self.motion.values())
+
     def state_on_program(self, t: float, heading: float, yaw_rate: float) -> np.ndarray:
         """x_O = r_B* - R(psi) b with V_X, V_Y by eq. (3.6).
 

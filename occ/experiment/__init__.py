@@ -1,0 +1,1 @@
+"""Experiment files: schema, cases, store, run."""

@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -84,14 +84,13 @@ class PathKeepingLaw(ABC):
         Returns:
             Solution of keep class ``path`` and free end.
         """
-        structure = type(task.motion), task.motion.structure(), len(task.motion.values())
-        yaw, torque = _law_functions(self, task.platform.wheel_count, *structure)
+        _, torque = _law_functions(self, task.platform.wheel_count, *task.motion_structure)
         begin = self.start(task)
         claim = Claim(start=self.start_class)
         first = task.state_on_program(0.0, begin.heading, begin.heading_rate)
         control = SymbolicControl(torque, task.path_data)
         t = np.linspace(0.0, task.duration, max(201, 1 + int(SAMPLES_PER_SECOND * min(task.duration, 1e3))))
-        motion, reason = integrate_yaw(yaw, task.path_data, begin, t)
+        motion, reason = law_motion(self, task, t, tolerance=1e-11)
         if motion is None:
             return Solution(control=control, start_state=first, claim=claim, status=Status.UNSTABLE, message=reason)
         heading, yaw_rate, acceleration = motion
@@ -103,40 +102,92 @@ class PathKeepingLaw(ABC):
         )
 
 
+@dataclass(frozen=True)
+class _PathArguments:
+    """Symbols of a path-keeping control: (t, state, data) and what follows from them."""
+
+    t: ca.SX
+    state: ca.SX
+    data: ca.SX
+    symbols: PathSymbols
+
+    @classmethod
+    def create(cls, wheel_count: int, motion: type[ProgramMotion], structure: tuple[int, ...], size: int) -> Self:
+        """From the structure of the task; ``data`` is laid out as `Task.path_data`."""
+        t, state = ca.SX.sym("t"), ca.SX.sym("state", 6)
+        packed = packed_size(wheel_count)
+        data = ca.SX.sym("data", packed + 2 + size)
+        _, velocity, acceleration = kinematics_function(motion, structure, size)(t, data[packed + 2 :])
+        symbols = PathSymbols(data[:packed], data[packed : packed + 2], state[2], state[5], velocity, acceleration)
+        return cls(t, state, data, symbols)
+
+
 @cache
 def _law_functions(
     law: PathKeepingLaw, wheel_count: int, motion: type[ProgramMotion], structure: tuple[int, ...], size: int
 ) -> tuple[ca.Function, ca.Function]:
     """CasADi functions yaw (t, heading, yaw_rate, data) -> Omega' and torque (t, state, signal, data) -> M."""
-    t, state = ca.SX.sym("t"), ca.SX.sym("state", 6)
-    data = ca.SX.sym("data", packed_size(wheel_count) + 2 + size)
-    packed, point, values = ca.vertsplit(
-        data, [0, packed_size(wheel_count), packed_size(wheel_count) + 2, data.numel()]
-    )
-    _, velocity, acceleration = kinematics_function(motion, structure, size)(t, values)
-    symbols = PathSymbols(packed, point, state[2], state[5], velocity, acceleration)
+    path = _PathArguments.create(wheel_count, motion, structure, size)
+    symbols = path.symbols
     moment = Moment(
-        t=t,
+        t=path.t,
         heading=symbols.heading,
         yaw_rate=symbols.yaw_rate,
-        program_velocity=velocity,
-        program_acceleration=acceleration,
-        point=point,
-        matrices=unpack(packed, wheel_count),
+        program_velocity=symbols.program_velocity,
+        program_acceleration=symbols.program_acceleration,
+        point=symbols.point,
+        matrices=unpack(symbols.coefficients, wheel_count),
         on_program=symbols.on_program(),
     )
     chosen = ca.SX(law.yaw_acceleration(moment))
     torque = path_functions(wheel_count)["torque"](*symbols, chosen, ca.SX.zeros(wheel_count - 3))
     heading, yaw_rate = ca.SX.sym("heading"), ca.SX.sym("yaw_rate")
-    reduced = ca.substitute(chosen, state, ca.vertcat(0, 0, heading, 0, 0, yaw_rate))
+    reduced = ca.substitute(chosen, path.state, ca.vertcat(0, 0, heading, 0, 0, yaw_rate))
     return (
-        ca.Function("yaw", [t, heading, yaw_rate, data], [ca.densify(reduced)]),
-        ca.Function("law", [t, state, ca.SX.sym("signal", 0), data], [ca.densify(torque)]),
+        ca.Function("yaw", [path.t, heading, yaw_rate, path.data], [ca.densify(reduced)]),
+        ca.Function("law", [path.t, path.state, ca.SX.sym("signal", 0), path.data], [ca.densify(torque)]),
     )
 
 
+@cache
+def open_loop_function(
+    wheel_count: int, motion: type[ProgramMotion], structure: tuple[int, ...], size: int
+) -> ca.Function:
+    """M(t, x, u, data) of a given yaw acceleration u_1 and null torques u_2.. with B on its program, eq. (3.7).
+
+    Args:
+        wheel_count: n.
+        motion: class of the program motion.
+        structure: of the motion.
+        size: number of the motion's values.
+
+    Returns:
+        CasADi function (t, state (6,), signal (1 + n - 3,), data) -> torque (n,) [N m].
+    """
+    path = _PathArguments.create(wheel_count, motion, structure, size)
+    signal = ca.SX.sym("signal", wheel_count - 2)
+    torque = path_functions(wheel_count)["torque"](*path.symbols, signal[0], signal[1:])
+    return ca.Function("open_loop", [path.t, path.state, signal, path.data], [ca.densify(torque)])
+
+
+def law_motion(law: PathKeepingLaw, task: Task, t: np.ndarray, tolerance: float) -> tuple[np.ndarray | None, str]:
+    """Heading, yaw rate and yaw acceleration of a law at the times t, or None with the reason.
+
+    Args:
+        law: whose yaw equation is integrated.
+        task: platform, motion and start.
+        t: (N,) [s].
+        tolerance: of the integrator.
+
+    Returns:
+        (3, N) and an empty reason, or None and the reason.
+    """
+    yaw, _ = _law_functions(law, task.platform.wheel_count, *task.motion_structure)
+    return integrate_yaw(yaw, task.path_data, law.start(task), t, tolerance)
+
+
 def integrate_yaw(
-    yaw: ca.Function, data: np.ndarray, start: Start, t: np.ndarray, tolerance: float = 1e-11
+    yaw: ca.Function, data: np.ndarray, start: Start, t: np.ndarray, tolerance: float
 ) -> tuple[np.ndarray | None, str]:
     """psi' = Omega, Omega' = yaw(t, psi, Omega), integrated by an explicit Runge-Kutta method of order 8.
 

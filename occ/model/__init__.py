@@ -1,0 +1,1 @@
+"""The platform: data, symbolic dynamics by Appell's equations, servo-constraint."""

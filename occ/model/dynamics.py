@@ -6,6 +6,7 @@ from difflib import get_close_matches
 from functools import cache
 
 import casadi as ca
+import numpy as np
 
 from occ.errors import InputError
 from occ.model.appell import derive
@@ -169,3 +170,18 @@ def _unknown(kind: str, name: str, valid: list[str]) -> str:
 def dynamics(platform: Platform) -> Dynamics:
     """The dynamics of a platform, built once for each platform in a process."""
     return Dynamics(platform)
+
+
+@cache
+def friction_time(platform: Platform) -> float:
+    """1 / max |eigenvalue of A^-1 Z|: the shortest time in which friction alone stops a motion.
+
+    Args:
+        platform: any platform.
+
+    Returns:
+        [s]; infinite without friction.
+    """
+    k = dynamics(platform).coefficients
+    fastest = np.abs(np.linalg.eigvals(np.linalg.solve(np.array(k.inertia), np.array(k.friction)))).max()
+    return float(1.0 / fastest) if fastest > 0 else np.inf

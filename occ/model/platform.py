@@ -107,8 +107,8 @@ class Platform:
         singular = np.linalg.svd(rates, compute_uv=False)
         if singular[-1] < 1e-9 * singular[0]:
             raise InputError(
-                "Platform: the wheels' input map has rank below 3, so that some wrench or motion is out of reach of every "
-                "torque; change positions, mounting angles or roller angles"
+                "Platform: the wheels' input map has rank below 3, so that some wrench or motion is out of reach of "
+                "every torque; change positions, mounting angles or roller angles"
             )
 
     @property

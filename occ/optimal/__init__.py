@@ -1,0 +1,1 @@
+"""Direct collocation: transcription, meshes, nonlinear programs, and the player that uses them."""

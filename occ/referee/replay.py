@@ -12,7 +12,7 @@ import numpy as np
 
 from occ.control import BufferedFunction, Control
 from occ.model.coefficients import coefficients, packed_size, unpack
-from occ.model.dynamics import state_rate
+from occ.model.dynamics import friction_time, state_rate
 from occ.model.platform import Platform
 from occ.objectives import measure_function
 
@@ -59,13 +59,6 @@ def _energies(wheel_count: int) -> ca.Function:
     k, velocity = unpack(packed, wheel_count), state[3:]
     outputs = [k.kinetic_energy(velocity), ca.bilin(k.friction, velocity, velocity), k.wheel_rates @ velocity]
     return ca.Function("energies", [packed, state], [ca.densify(x) for x in outputs])
-
-
-def _shortest_time_constant(platform: Platform) -> float:
-    """[s] 1 / the largest eigenvalue of A^-1 Z; infinite without friction."""
-    k = unpack(ca.DM(coefficients(platform)), platform.wheel_count)
-    fastest = np.abs(np.linalg.eigvals(np.linalg.solve(np.array(k.inertia), np.array(k.friction)))).max()
-    return 1.0 / fastest if fastest > 0 else math.inf
 
 
 @dataclass(frozen=True)
@@ -128,7 +121,7 @@ class Replay:
         self.settings = settings or ReplaySettings()
         inner = control.knots[(control.knots > 0.0) & (control.knots < duration)]
         self.edges = np.concatenate([[0.0], inner, [duration]])
-        self._longest_step = self.settings.longest_step * _shortest_time_constant(platform)
+        self._longest_step = self.settings.longest_step * friction_time(platform)
         self._pieces = []
         state = np.asarray(start, dtype=float)
         for begin, end in zip(self.edges[:-1], self.edges[1:], strict=True):
@@ -207,9 +200,9 @@ class Replay:
         return self._evaluate(t, (h[:, None] * weights).ravel(), state, len(nodes), torque)
 
     def _torque_on(self, k: int, t: np.ndarray, state: np.ndarray) -> np.ndarray:
-        """Torques inside piece k: its right end is moved a hair inwards, so that the piece's own signal is taken."""
-        end = self.edges[k + 1]
-        inside = end - 1e-13 * max(end - self.edges[k], 1e-3) if k + 1 < len(self.edges) - 1 else end
+        """Torques inside piece k: its right end is moved inwards by one rounding unit, so that the piece's own signal
+        is taken."""
+        inside = np.nextafter(self.edges[k + 1], self.edges[k]) if k + 2 < len(self.edges) else self.edges[k + 1]
         return self.control.torque(np.minimum(t, inside), state)
 
     def _evaluate(
