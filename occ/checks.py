@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import fields
-from functools import cache
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from annotated_types import Ge, Gt, Le
@@ -20,11 +19,6 @@ NonNegative = Annotated[float, Ge(0)]
 Angle = float
 """[rad]"""
 Vector2 = tuple[float, float]
-
-
-@cache
-def _hints(cls: type) -> dict[str, Any]:
-    return get_type_hints(cls, include_extras=True)
 
 
 def _violation(value: Any, hint: Any) -> str | None:
@@ -83,8 +77,9 @@ def check_fields(instance: Any) -> None:
         InputError: names class, field and value, and says what would be right.
     """
     cls = type(instance)
+    hints = get_type_hints(cls, include_extras=True)
     for field in fields(instance):
-        hint = _hints(cls).get(field.name)
+        hint = hints.get(field.name)
         value = _plain(getattr(instance, field.name))
         object.__setattr__(instance, field.name, value)
         wrong = _violation(value, hint)

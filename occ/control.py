@@ -11,6 +11,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
+from occ.numeric import BufferedFunction, evaluate_many
 from occ.trajectory import PiecewisePolynomial
 
 
@@ -31,27 +32,6 @@ class Control(Protocol):
         ...
 
 
-class BufferedFunction:
-    """Calls a CasADi function at one point without making CasADi matrices: a few microseconds a call.
-
-    Args:
-        function: with dense inputs and outputs, all real.
-    """
-
-    def __init__(self, function: ca.Function) -> None:
-        self._buffer, self._trigger = function.buffer()
-        self.inputs = [np.zeros(function.size_in(i), order="F") for i in range(function.n_in())]
-        self.outputs = [np.zeros(function.size_out(i), order="F") for i in range(function.n_out())]
-        for i, array in enumerate(self.inputs):
-            self._buffer.set_arg(i, memoryview(array))
-        for i, array in enumerate(self.outputs):
-            self._buffer.set_res(i, memoryview(array))
-
-    def __call__(self) -> None:
-        """Evaluate at what `inputs` hold; the results are in `outputs`."""
-        self._trigger()
-
-
 class SymbolicControl:
     """M = law(t, x, u(t), data) with a CasADi function and, where it has one, an open-loop signal u(t).
 
@@ -70,23 +50,21 @@ class SymbolicControl:
 
     def torque(self, t: np.ndarray, state: np.ndarray) -> np.ndarray:
         signal = np.zeros((0, len(t))) if self.signal is None else self.signal(t)
-        count = len(t)
-        data = ca.repmat(ca.DM(self.data), 1, count)
-        return np.array(self.law.map(count)(t[None, :], state, signal, data))
+        return evaluate_many(self.law, t[None, :], state, signal, self.data, shared=(3,))[0]
 
     def segment(self, start: float, end: float) -> Callable[[float, np.ndarray], np.ndarray]:
         call = BufferedFunction(self.law)
-        call.inputs[3][:, 0] = self.data
-        time, states, signals = call.inputs[0], call.inputs[1][:, 0], call.inputs[2]
-        result = call.outputs[0][:, 0]
+        call.inputs[3][:] = self.data
+        time, states, signals, _ = call.inputs
+        (result,) = call.outputs
         signal = self.signal
         interval = 0 if signal is None else int(np.searchsorted(signal.edges, (start + end) / 2)) - 1
 
         def torque(t: float, state: np.ndarray) -> np.ndarray:
-            time[0, 0] = t
+            time[0] = t
             states[:] = state
             if signal is not None:
-                signals[:, 0] = signal.within(interval, t)
+                signals[:] = signal.within(interval, t)
             call()
             return result
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from occ.checks import Angle, Positive, Vector2, check_fields
 from occ.errors import InputError
+from occ.numeric import evaluate_many
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,8 +66,8 @@ class ProgramMotion(ABC):
         """
         function = kinematics_function(type(self), self.structure(), len(self.values()))
         times = np.atleast_1d(np.asarray(t, dtype=float))[None, :]
-        outputs = function.map(times.shape[1])(times, ca.repmat(ca.DM(self.values()), 1, times.shape[1]))
-        return tuple(np.array(output) for output in outputs)  # type: ignore[return-value]
+        position, velocity, acceleration = evaluate_many(function, times, self.values(), shared=(1,))
+        return position, velocity, acceleration
 
 
 @cache

@@ -6,7 +6,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Literal, Protocol
 
-import casadi as ca
 import numpy as np
 
 from occ.checks import Angle, Positive, Vector2, check_fields
@@ -17,6 +16,7 @@ from occ.model.constraint import path_functions
 from occ.model.dynamics import Dynamics, dynamics
 from occ.model.platform import Platform
 from occ.motion import ProgramMotion
+from occ.numeric import evaluate_many
 from occ.trajectory import Trajectory
 
 LONGEST_HORIZON = 1e6
@@ -119,10 +119,16 @@ class Task:
         b_x, b_y = self.point
         c, s = np.cos(heading), np.sin(heading)
         center = position - np.array([c * b_x - s * b_y, s * b_x + c * b_y])
-        count = len(t)
-        function = path_functions(self.platform.wheel_count)["velocity"].map(count)
-        shared = ca.repmat(ca.DM(coefficients(self.platform)), 1, count), ca.repmat(ca.DM(self.point), 1, count)
-        pseudo = np.array(function(*shared, heading[None, :], yaw_rate[None, :], velocity, acceleration))
+        (pseudo,) = evaluate_many(
+            path_functions(self.platform.wheel_count)["velocity"],
+            coefficients(self.platform),
+            np.array(self.point),
+            heading[None, :],
+            yaw_rate[None, :],
+            velocity,
+            acceleration,
+            shared=(0, 1),
+        )
         return np.vstack([center, heading[None, :], pseudo])
 
     def point_motion(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -44,16 +45,18 @@ class PiecewisePolynomial:
         nodes: (d,) places of the values in each interval, in [0, 1].
         values: (m, K, d) m signals.
 
-    Source: barycentric interpolation, Berrut and Trefethen, SIAM Review 46 (2004), eq. (4.2).
     """
 
     edges: np.ndarray
     nodes: np.ndarray
     values: np.ndarray
 
-    def __post_init__(self) -> None:
-        differences = self.nodes[:, None] - self.nodes[None, :] + np.eye(len(self.nodes))
-        object.__setattr__(self, "_weights", 1.0 / differences.prod(axis=1))
+    @cached_property
+    def _powers(self) -> tuple[np.ndarray, np.ndarray]:
+        """Coefficients (m, K, d) of the powers of 2 s - 1, and the exponents: for single times, where speed counts."""
+        exponents = np.arange(len(self.nodes))
+        vandermonde = (2 * self.nodes[:, None] - 1) ** exponents
+        return np.linalg.solve(vandermonde, self.values[..., None])[..., 0], exponents
 
     def basis(self, s: np.ndarray) -> np.ndarray:
         """l_j(s): Lagrange basis on the nodes.
@@ -74,13 +77,9 @@ class PiecewisePolynomial:
 
     def within(self, k: int, t: float) -> np.ndarray:
         """The signals (m,) at one time, by the polynomial of interval k, also at that interval's right end."""
-        s = (t - self.edges[k]) / (self.edges[k + 1] - self.edges[k])
-        difference = s - self.nodes
-        hit = np.flatnonzero(difference == 0.0)
-        if hit.size:
-            return self.values[:, k, hit[0]]
-        terms = self._weights / difference  # type: ignore[attr-defined]
-        return self.values[:, k, :] @ terms / terms.sum()
+        coefficients, exponents = self._powers
+        middle, half = (self.edges[k] + self.edges[k + 1]) / 2, (self.edges[k + 1] - self.edges[k]) / 2
+        return np.asarray(coefficients[:, k] @ ((t - middle) / half) ** exponents)
 
 
 def lagrange_basis(nodes: np.ndarray, s: np.ndarray) -> np.ndarray:

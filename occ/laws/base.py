@@ -16,11 +16,12 @@ import casadi as ca
 import numpy as np
 
 from occ.checks import check_fields
-from occ.control import BufferedFunction, SymbolicControl
+from occ.control import SymbolicControl
 from occ.errors import Status
 from occ.model.coefficients import Coefficients, packed_size, unpack
 from occ.model.constraint import OnProgram, PathSymbols, path_functions
 from occ.motion import ProgramMotion, kinematics_function
+from occ.numeric import BufferedFunction, evaluate_many
 from occ.task import Claim, Solution, Start, StartClass, Task
 from occ.trajectory import Trajectory
 
@@ -208,7 +209,7 @@ def integrate_yaw(
     rate = yaw_rate_function(yaw, data)
 
     def escaped(_: float, y: np.ndarray) -> float:
-        return LARGEST_YAW_RATE - abs(y[1])
+        return LARGEST_YAW_RATE - abs(float(y[1]))
 
     escaped.terminal = True  # type: ignore[attr-defined]
     result = solve_ivp(
@@ -227,24 +228,21 @@ def integrate_yaw(
             f"the yaw rate passes {LARGEST_YAW_RATE:g} rad/s at t = {result.t[-1] if len(result.t) else 0:.4g} s",
         )
     heading, omega = result.y
-    count = len(t)
-    acceleration = np.array(
-        yaw.map(count)(t[None, :], heading[None, :], omega[None, :], ca.repmat(ca.DM(data), 1, count))
-    )
+    (acceleration,) = evaluate_many(yaw, t[None, :], heading[None, :], omega[None, :], data, shared=(3,))
     return np.vstack([heading, omega, acceleration]), ""
 
 
 def yaw_rate_function(yaw: ca.Function, data: np.ndarray) -> Callable[[float, np.ndarray], np.ndarray]:
     """The right-hand side (Omega, Omega') of a yaw equation as a fast function of t and (psi, Omega)."""
     call = BufferedFunction(yaw)
-    call.inputs[3][:, 0] = data
-    time, heading, omega = (call.inputs[i] for i in range(3))
-    result = call.outputs[0]
+    call.inputs[3][:] = data
+    time, heading, omega, _ = call.inputs
+    (result,) = call.outputs
 
     def rate(t: float, y: np.ndarray) -> np.ndarray:
-        time[0, 0], heading[0, 0], omega[0, 0] = t, y[0], y[1]
+        time[0], heading[0], omega[0] = t, y[0], y[1]
         call()
-        return np.array([y[1], result[0, 0]])
+        return np.array([y[1], result[0]])
 
     return rate
 

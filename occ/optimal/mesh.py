@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Literal
 
-import casadi as ca
 import numpy as np
+from scipy.special import roots_jacobi
 
 from occ.trajectory import lagrange_basis
 
@@ -54,9 +54,11 @@ def scheme(name: SchemeName, degree: int) -> Scheme:
 
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.5.
     """
-    points = np.array(ca.collocation_points(degree, name))
     if name == "radau":
-        points[-1] = 1.0
+        # P_d - P_{d-1} = (x - 1) P^(1,0)_{d-1} up to a factor.
+        points = np.append((roots_jacobi(degree - 1, 1, 0)[0] + 1) / 2, 1.0)
+    else:
+        points = gauss_legendre(degree)[0]
     nodes = np.concatenate([[0.0], points])
     basis = [np.polynomial.Polynomial.fromroots(np.delete(nodes, j)) for j in range(degree + 1)]
     basis = [p / p(nodes[j]) for j, p in enumerate(basis)]

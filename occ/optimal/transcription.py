@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 
 from occ.errors import Status
+from occ.numeric import evaluate_many
 from occ.optimal.mesh import Scheme, SchemeName, gauss_legendre, scheme
 from occ.trajectory import lagrange_basis
 
@@ -187,7 +188,7 @@ class Transcription:
     def sizes(self) -> tuple[int, int, int, int, int, int]:
         """nx, nu, nd, np, nh, nb."""
         p = self.problem
-        return tuple(x.numel() for x in (p.state, p.control, p.data, p.parameters, p.path, p.boundary))  # type: ignore[return-value]
+        return tuple(x.numel() for x in (p.state, p.control, p.data, p.parameters, p.path, p.boundary))
 
     def _build(self) -> ca.Function:
         nx, nu, nd, np_, _, _ = self.sizes
@@ -356,9 +357,7 @@ class Transcription:
         Returns:
             (nx, M), (M,), (nh, M).
         """
-        count = state.shape[1]
-        outputs = self._node.map("many", "serial", count, [3], [])(state, control, data, parameters)
-        rate, integrand, path = (np.array(x) for x in outputs)
+        rate, integrand, path = evaluate_many(self._node, state, control, data, parameters, shared=(3,))
         return rate, integrand[0], path
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from occ.errors import Status
+from occ.numeric import evaluate_many
 from occ.objectives import OBJECTIVES
 from occ.referee.record import Record
 from occ.referee.reference import servo_end_state
@@ -138,7 +139,7 @@ def _peak(replay: Replay, samples: Samples, quantity: str) -> tuple[float, int, 
         Value, wheel (from 0) and time [s].
     """
     values = np.abs(getattr(samples, quantity))
-    wheel, column = np.unravel_index(np.argmax(values), values.shape)
+    wheel, column = (int(i) for i in np.unravel_index(np.argmax(values), values.shape))
     best, when = float(values[wheel, column]), float(samples.t[column])
     low, high = samples.t[max(column - 1, 0)], samples.t[min(column + 1, len(samples.t) - 1)]
     for _ in range(3):
@@ -150,7 +151,7 @@ def _peak(replay: Replay, samples: Samples, quantity: str) -> tuple[float, int, 
         low, high = t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)]
         if fine[k] > best:
             best, when = float(fine[k]), float(t[k])
-    return best, int(wheel), when
+    return best, wheel, when
 
 
 def _excesses(task: Task, replay: Replay, samples: Samples) -> list[tuple[float, str]]:
@@ -183,8 +184,7 @@ def _claim_errors(task: Task, solution: Solution, replay: Replay) -> tuple[float
         return 0.0, 0.0
     assert solution.control is not None
     torque = solution.control.torque(claimed.t, claimed.state)
-    forward = task.dynamics.functions["forward"].map(len(claimed.t))
-    rate = np.array(forward(claimed.state, torque))
+    (rate,) = evaluate_many(task.dynamics.functions["forward"], claimed.state, torque)
     residual = np.abs(claimed.state_rate - rate) / np.maximum(1.0, np.abs(rate).max(axis=1, keepdims=True))
     true = replay.at(claimed.t)
     center = np.hypot(*(claimed.state[:2] - true[:2]))

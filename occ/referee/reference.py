@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from occ.control import BufferedFunction
 from occ.model.constraint import path_functions
 from occ.motion import kinematics_function
+from occ.numeric import BufferedFunction
 from occ.task import Task
 
 
@@ -31,17 +31,17 @@ def servo_end_state(task: Task) -> np.ndarray:
     servo = BufferedFunction(path_functions(task.platform.wheel_count)["servo"])
     values = task.motion.values()
     program = BufferedFunction(kinematics_function(type(task.motion), task.motion.structure(), len(values)))
-    program.inputs[1][:, 0] = values
-    servo.inputs[0][:, 0] = task.path_data[: len(servo.inputs[0])]
-    servo.inputs[1][:, 0] = task.point
+    program.inputs[1][:] = values
+    servo.inputs[0][:] = task.path_data[: len(servo.inputs[0])]
+    servo.inputs[1][:] = task.point
 
     def rate(t: float, y: np.ndarray) -> tuple[float, float]:
-        program.inputs[0][0, 0] = t
+        program.inputs[0][0] = t
         program()
-        servo.inputs[2][0, 0], servo.inputs[3][0, 0] = y
+        servo.inputs[2][0], servo.inputs[3][0] = y
         servo.inputs[4][:], servo.inputs[5][:] = program.outputs[1], program.outputs[2]
         servo()
-        return y[1], servo.outputs[0][0, 0]
+        return y[1], servo.outputs[0][0]
 
     start = [task.start.heading, task.start.heading_rate]
     outcome = solve_ivp(rate, (0.0, task.duration), start, method="LSODA", rtol=1e-11, atol=1e-12)

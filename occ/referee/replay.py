@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -10,14 +9,16 @@ from functools import cache
 import casadi as ca
 import numpy as np
 
-from occ.control import BufferedFunction, Control
+from occ.control import Control
 from occ.model.coefficients import coefficients, packed_size, unpack
 from occ.model.dynamics import friction_time, state_rate
 from occ.model.platform import Platform
+from occ.numeric import BufferedFunction, evaluate_many
 from occ.objectives import measure_function
 
 LARGEST_STATE = 1e6
-"""A state (SI) beyond this is reported as unstable."""
+LARGEST_RATE = 1e12
+"""A state, or its rate, beyond these (SI) or not a number is reported as unstable."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,17 +134,18 @@ class Replay:
         from scipy.integrate import solve_ivp
 
         forward = BufferedFunction(_forward(self.platform.wheel_count))
-        forward.inputs[0][:, 0] = coefficients(self.platform)
-        state_in, torque_in, result = forward.inputs[1][:, 0], forward.inputs[2][:, 0], forward.outputs[0]
+        forward.inputs[0][:] = coefficients(self.platform)
+        _, state_in, torque_in = forward.inputs
+        (result,) = forward.outputs
         torque = self.control.segment(begin, end)
 
         def rate(t: float, x: np.ndarray) -> np.ndarray:
             torque_in[:] = torque(t, x)
             state_in[:] = x
             forward()
-            if not math.isfinite(result.sum()) or abs(x).max() > LARGEST_STATE:
+            if not (abs(result).max() < LARGEST_RATE and abs(x).max() < LARGEST_STATE):
                 raise ReplayError(t, "the motion leaves every physical range")
-            return result[:, 0].copy()
+            return result.copy()
 
         outcome = solve_ivp(
             rate,
@@ -208,33 +210,32 @@ class Replay:
     def _evaluate(
         self, t: np.ndarray, weight: np.ndarray, state: np.ndarray, nodes: int, torque: np.ndarray | None = None
     ) -> Samples:
-        count, wheels = len(t), self.platform.wheel_count
+        wheels = self.platform.wheel_count
         if torque is None:
             torque = self.control.torque(t, state)
-        packed = ca.repmat(ca.DM(coefficients(self.platform)), 1, count)
-        kinetic, dissipation, rates = (np.array(x) for x in _energies(wheels).map(count)(packed, state))
-        integrands = np.array(measure_function(wheels).map(count)(torque, rates)[0])
+        packed = coefficients(self.platform)
+        kinetic, dissipation, rates = evaluate_many(_energies(wheels), packed, state, shared=(0,))
+        integrands, _ = evaluate_many(measure_function(wheels), torque, rates)
         return Samples(t, weight, state, torque, rates, kinetic[0], dissipation[0], integrands, nodes)
 
     def _kinks(self, samples: Samples) -> np.ndarray:
-        count = len(samples.t)
-        return np.array(measure_function(self.platform.wheel_count).map(count)(samples.torque, samples.wheel_rates)[1])
+        return evaluate_many(measure_function(self.platform.wheel_count), samples.torque, samples.wheel_rates)[1]
 
     def _crossings(self, samples: Samples, kinks: np.ndarray) -> np.ndarray:
-        """(K,) [s] Times at which a kink expression changes its sign, by bisection of all brackets at once."""
+        """(K,) [s] Times at which a kink expression changes its sign, all brackets at once."""
+        from scipy.optimize.elementwise import find_root
+
         same_panel = np.arange(len(samples.t) - 1) % samples.nodes != samples.nodes - 1
         row, column = np.nonzero((kinks[:, :-1] * kinks[:, 1:] < 0) & same_panel)
         if not row.size:
             return np.array([])
-        low, high = samples.t[column], samples.t[column + 1]
-        sign = np.sign(kinks[row, column])
-        order = np.arange(len(row))
-        for _ in range(48):
-            middle = (low + high) / 2
-            value = self._kinks(self.sample(middle))[row, order]
-            left = np.sign(value) == sign
-            low, high = np.where(left, middle, low), np.where(left, high, middle)
-        return (low + high) / 2
+
+        def kink(t: np.ndarray, which: np.ndarray) -> np.ndarray:
+            values = self._kinks(self.sample(t.ravel()))
+            return values[which.ravel(), np.arange(t.size)].reshape(t.shape)
+
+        result = find_root(kink, (samples.t[column], samples.t[column + 1]), args=(row,))
+        return np.asarray(result.x[result.success])
 
 
 @cache
