@@ -15,17 +15,10 @@ from occ.laws.base import law_motion, open_loop_function, path_trajectory
 from occ.laws.servo import ServoLaw
 from occ.model.dynamics import friction_time
 from occ.objectives import OBJECTIVES
+from occ.optimal.error import ErrorEstimate, estimate_error, fine_points
 from occ.optimal.mesh import SchemeName, bisect, graded_mesh
 from occ.optimal.reduced import Structure, guess_from_law, numbers_of, program_data, reduced_transcription
-from occ.optimal.transcription import (
-    Bounds,
-    ErrorEstimate,
-    Outcome,
-    SolverOptions,
-    Transcription,
-    estimate_error,
-    fine_points,
-)
+from occ.optimal.transcription import Bounds, Outcome, SolverOptions, Transcription
 from occ.task import Claim, Solution, Task
 from occ.trajectory import PiecewisePolynomial
 

@@ -76,22 +76,18 @@ def examine(task: Task, solution: Solution, tolerances: Tolerances | None = None
         end=claim.end,
         local_objective=solution.local_objective,
     )
-    if solution.control is None or solution.start_state is None:
-        if record.status is Status.OK:
-            record = replace(record, status=Status.FAILED, message="the player returned neither a control nor a reason")
+    if record.status is not Status.OK:
         return Verdict(record)
+    if solution.control is None or solution.start_state is None:
+        return Verdict(replace(record, status=Status.FAILED, message="the player returned no control and no reason"))
     try:
         replay = Replay(task.platform, solution.control, solution.start_state, task.duration, tolerances.integration)
         samples = replay.samples()
     except ReplayError as error:
-        if record.status is Status.OK:
-            record = replace(record, status=Status.UNSTABLE, message=str(error))
-        return Verdict(record)
+        return Verdict(replace(record, status=Status.UNSTABLE, message=str(error)))
     measures = measure(task, solution, replay, samples)
-    record = replace(record, measures=measures)
-    if record.status is Status.OK:
-        status, message = _check(task, solution, measures, replay, samples, tolerances)
-        record = replace(record, status=status, message=message or record.message)
+    status, message = _check(task, solution, measures, replay, samples, tolerances)
+    record = replace(record, measures=measures, status=status, message=message or record.message)
     return Verdict(record, replay, samples)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from occ.errors import Status
+from occ.optimal.error import estimate_error, fine_points
 from occ.optimal.mesh import bisect, graded_mesh, scheme
 from occ.optimal.transcription import (
     Bounds,
@@ -16,8 +17,6 @@ from occ.optimal.transcription import (
     Problem,
     SolverOptions,
     Transcription,
-    estimate_error,
-    fine_points,
 )
 
 

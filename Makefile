@@ -1,0 +1,40 @@
+# The two commands: `make compare` runs the main job, `make test` runs the tests; each sets everything up by itself.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+EXPERIMENTS := $(wildcard experiments/*.toml)
+
+.PHONY: compare test check slow benchmark reports clean help
+
+compare: $(STAMP)  ## the Section 5 table and figures
+	$(BIN)/occ run experiments/section5.toml
+
+test: $(STAMP)  ## the default tests
+	$(BIN)/pytest -n 2
+
+slow: $(STAMP)  ## the long tests
+	$(BIN)/pytest -n 2 -m slow
+
+check: $(STAMP)  ## formatting, lint and types
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+benchmark: $(STAMP)  ## timings
+	$(BIN)/pytest tests/benchmarks -m benchmark --benchmark-enable --benchmark-only
+
+reports: $(STAMP)  ## every shipped experiment
+	@for file in $(EXPERIMENTS); do echo "== $$file"; $(BIN)/occ run $$file || [ $$? -eq 1 ] || exit 1; done
+
+clean:  ## remove the environment and caches
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+
+help:
+	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -c 'import sys; sys.exit("occ needs Python 3.11 or newer, not " + sys.version.split()[0] if sys.version_info < (3, 11) else 0)'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $(STAMP)
