@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import casadi as ca
 import numpy as np
 
@@ -27,6 +29,11 @@ class BufferedFunction:
         self._trigger()
 
 
+@lru_cache(maxsize=512)
+def _mapped(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Function:
+    return function.map("many", "serial", count, list(shared), [])
+
+
 def evaluate_many(function: ca.Function, *arguments: np.ndarray, shared: tuple[int, ...] = ()) -> list[np.ndarray]:
     """f at N points in one call.
 
@@ -39,5 +46,8 @@ def evaluate_many(function: ca.Function, *arguments: np.ndarray, shared: tuple[i
         Each output, (m, N).
     """
     count = next(a.shape[-1] for i, a in enumerate(arguments) if i not in shared)
-    outputs = function.map("many", "serial", count, list(shared), []).call(list(arguments))
-    return [np.array(output) for output in outputs]
+    # Making a map takes longer than calling it: pad to a power of two, so that few maps serve all calls.
+    padded = 1 << max(count - 1, 0).bit_length()
+    columns = np.minimum(np.arange(padded), count - 1)
+    inputs = [a if i in shared else a[:, columns] for i, a in enumerate(arguments)]
+    return [np.array(output)[:, :count] for output in _mapped(function, padded, shared).call(inputs)]
