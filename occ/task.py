@@ -149,8 +149,8 @@ class Task:
 
 
 Keep = Literal["path"]
-StartClass = Literal["given", "own"]
-EndClass = Literal["free", "law"]
+StartClass = Literal["given", "own", "free"]
+EndClass = Literal["free", "law", "periodic", "rest"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,13 +159,17 @@ class Claim:
 
     Args:
         keep: ``path``: B stays on its program in position and velocity.
-        start: ``given``: the task's start; ``own``: another heading or yaw rate, not charged for getting there.
-        end: ``free``, or ``law``: the end state of the servo law from the same start.
+        start: ``given``: the task's start; ``own``: another heading or yaw rate, not charged for getting there;
+            ``free``: chosen, and equal to the end state (end ``periodic`` only), so that no kinetic energy is gained.
+        end: ``free``; ``law``: the end state of the servo law from the same start; ``periodic``: the start's heading
+            plus ``winding`` full turns and its yaw rate; ``rest``: no velocity.
+        winding: net full turns of the heading, where the end is ``periodic``.
     """
 
     keep: Keep = "path"
     start: StartClass = "given"
     end: EndClass = "free"
+    winding: int | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

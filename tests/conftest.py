@@ -10,7 +10,7 @@ import pytest
 from hypothesis import settings
 
 # A deadline would measure CasADi's first compilation of a model, not the example.
-settings.register_profile("occ", deadline=None, max_examples=40)
+settings.register_profile("occ", deadline=None, max_examples=25)
 settings.register_profile("ci", deadline=None, max_examples=40, derandomize=True)
 settings.load_profile("ci" if os.environ.get("CI") else "occ")
 

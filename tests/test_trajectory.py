@@ -1,4 +1,4 @@
-"""Piecewise polynomials, sampled motions, and controls evaluated in two ways."""
+"""Piecewise polynomials, sampled motions, and functions and controls evaluated in two ways."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from occ.control import BufferedFunction, PythonControl, SymbolicControl
+from occ.control import PythonControl, SymbolicControl
 from occ.errors import InputError
+from occ.numeric import BufferedFunction, evaluate_many
 from occ.trajectory import PiecewisePolynomial, Trajectory, lagrange_basis
 from tests.strategies import vectors
 
@@ -72,12 +73,13 @@ class TestPiecewisePolynomial:
                 np.testing.assert_allclose(signal.within(k, t), together[:, i], rtol=0, atol=1e-13)
 
     def test_nodes_give_back_their_values(self) -> None:
-        # Binary fractions, so that the places come out as the nodes exactly: the barycentric formula divides by zero.
+        # Binary fractions, so that the places come out as the nodes exactly, where quotients would divide by zero.
         nodes, values = np.array([0.25, 0.5, 1.0]), np.random.default_rng(6).normal(size=(2, 2, 3))
         signal = PiecewisePolynomial(np.array([0.0, 1.0, 3.0]), nodes, values)
         for k, (start, length) in enumerate([(0.0, 1.0), (1.0, 2.0)]):
             for j, node in enumerate(nodes):
-                np.testing.assert_array_equal(signal.within(k, start + length * node), values[:, k, j])
+                found = signal.within(k, start + length * node)
+                np.testing.assert_allclose(found, values[:, k, j], rtol=0, atol=1e-14)
 
     def test_an_inner_edge_belongs_to_the_interval_on_its_right(self) -> None:
         signal = steps()
@@ -126,35 +128,52 @@ class TestTrajectory:
 
 
 class TestBufferedFunction:
-    def agrees(self, function: ca.Function) -> None:
+    def test_it_gives_what_the_function_gives_call_after_call(self) -> None:
+        matrix, vector, nothing = ca.SX.sym("matrix", 2, 3), ca.SX.sym("vector", 3), ca.SX.sym("nothing", 0)
+        outputs = [matrix @ vector, matrix.T + 1, ca.vertcat(0, ca.sin(vector)), ca.dot(vector, vector)]
+        function = ca.Function("f", [matrix, vector, nothing], [ca.densify(output) for output in outputs])
         call = BufferedFunction(function)
         generator = np.random.default_rng(8)
         for _ in range(5):
             inputs = [generator.normal(size=function.size_in(i)) for i in range(function.n_in())]
             for buffer, value in zip(call.inputs, inputs, strict=True):
-                buffer[...] = value
+                buffer[:] = value.ravel(order="F")
             call()
-            for i, found in enumerate(call.outputs):
-                np.testing.assert_array_equal(found, np.array(function.call(inputs)[i]))
-
-    def test_it_gives_what_the_function_gives_call_after_call(self) -> None:
-        vector, scalar, nothing = ca.SX.sym("vector", 3), ca.SX.sym("scalar"), ca.SX.sym("nothing", 0)
-        outputs = [ca.densify(ca.vertcat(0, vector * scalar)), ca.sin(scalar), ca.dot(vector, vector)]
-        self.agrees(ca.Function("f", [vector, scalar, nothing], outputs))
-
-    @pytest.mark.xfail(raises=NotImplementedError, reason="CasADi's buffers do not take NumPy's column-major matrices")
-    def test_matrices_are_legal_too(self) -> None:
-        matrix = ca.SX.sym("matrix", 2, 3)
-        self.agrees(ca.Function("f", [matrix], [matrix.T + 1]))
+            for found, expected in zip(call.outputs, function(*inputs), strict=True):
+                np.testing.assert_array_equal(found, np.array(expected).ravel(order="F"))
 
     def test_two_of_them_do_not_share_their_buffers(self) -> None:
         x = ca.SX.sym("x")
         function = ca.Function("f", [x], [x**2])
         first, second = BufferedFunction(function), BufferedFunction(function)
-        first.inputs[0][...], second.inputs[0][...] = 2.0, 3.0
+        first.inputs[0][:], second.inputs[0][:] = 2.0, 3.0
         first()
         second()
-        assert (first.outputs[0][0, 0], second.outputs[0][0, 0]) == (4.0, 9.0)
+        assert (*first.outputs[0], *second.outputs[0]) == (4.0, 9.0)
+
+
+class TestEvaluateMany:
+    x, y = ca.SX.sym("x", 2), ca.SX.sym("y", 3)
+    function = ca.Function("f", [x, y], [ca.densify(ca.vertcat(x[0] * y[0], 0, x[1] - y[2])), ca.sin(x)])
+
+    @pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 9])
+    @pytest.mark.parametrize("shared", [(), (0,), (1,)])
+    def test_many_points_are_the_points_one_after_the_other(self, count: int, shared: tuple[int, ...]) -> None:
+        generator = np.random.default_rng(count)
+        arguments = [generator.normal(size=(k,) if i in shared else (k, count)) for i, k in enumerate((2, 3))]
+        outputs = evaluate_many(self.function, *arguments, shared=shared)
+        assert [output.shape for output in outputs] == [(3, count), (2, count)]
+        for j in range(count):
+            point = [a if i in shared else a[:, j] for i, a in enumerate(arguments)]
+            for output, expected in zip(outputs, self.function(*point), strict=True):
+                np.testing.assert_array_equal(output[:, j], np.array(expected)[:, 0])
+
+    def test_functions_with_one_name_are_not_taken_for_each_other(self) -> None:
+        points = np.array([[0.5, 1.5, 2.5]])
+        for power in range(1, 6):
+            x = ca.SX.sym("x")
+            (found,) = evaluate_many(ca.Function("f", [x], [x**power]), points)
+            np.testing.assert_allclose(found, points**power, rtol=1e-14)
 
 
 def law(signals: int) -> ca.Function:

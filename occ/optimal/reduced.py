@@ -16,14 +16,15 @@ from occ.laws.servo import ServoLaw
 from occ.model.coefficients import coefficients, unpack
 from occ.model.constraint import PathSymbols, on_program
 from occ.objectives import OBJECTIVES
+from occ.optimal.limits import NEEDS_NULL_TORQUE, limit_values
 from occ.optimal.mesh import SchemeName
 from occ.optimal.transcription import Bounds, Nodes, Numbers, Problem, SolverOptions, Transcription
 from occ.task import Task
 
 
 @cache
-def reduced_problem(wheel_count: int, objective: str) -> Problem:
-    """psi' = Omega, Omega' = u; pi' = C Omega + V*, M = minimum norm, eqs. (3.6), (3.7), (2.16).
+def reduced_problem(wheel_count: int, objective: str, limits: tuple[str, ...] = ()) -> Problem:
+    """psi' = Omega, Omega' = u_1; pi' = C Omega + V*, M = minimum norm + null torque, eqs. (3.6), (3.7), (2.16).
 
     Signed work is taken as change of kinetic energy plus dissipation, which holds exactly along every motion and leaves
     no quadrature error of the torque for the optimiser to exploit.
@@ -31,19 +32,26 @@ def reduced_problem(wheel_count: int, objective: str) -> Problem:
     Args:
         wheel_count: n.
         objective: name of an objective.
+        limits: names of the limited quantities; the null torques (n - 3,) are controls u_2.. where a limit sees them.
 
     Returns:
-        Problem with node data (r_B*', r_B*'') (4,) and parameters: packed matrices, point B, r_B*' at start and end.
+        Problem with node data (r_B*', r_B*'') (4,) and parameters: packed matrices, point B, r_B*' at start and end;
+        path conditions: the limited quantities of every wheel; boundary conditions: x(T) - x(0).
     """
     symbols = PathSymbols.create(wheel_count)
     k = unpack(symbols.coefficients, wheel_count)
     motion = symbols.on_program()
     u = ca.SX.sym("yaw_acceleration")
+    null = ca.SX.sym("null_torque", wheel_count - 3 if set(limits) & set(NEEDS_NULL_TORQUE) else 0)
     torque = k.min_norm @ k.wrench(motion.velocity, motion.direction * u + motion.rest)
+    if null.numel():
+        torque += k.null_torque @ null
+    rates = k.wheel_rates @ motion.velocity
+    quantities = {"torque": torque, "wheel_speed": rates, "wheel_power": torque * rates}
     chosen = OBJECTIVES[objective]
     integrand = chosen.work_share * ca.bilin(k.friction, motion.velocity, motion.velocity)
     if chosen.rest:
-        integrand += chosen.rest(torque, k.wheel_rates @ motion.velocity)
+        integrand += chosen.rest(torque, rates)
     start, end = ca.SX.sym("start", 2), ca.SX.sym("end", 2)
     velocities = ca.SX.sym("end_velocities", 4)
     still = ca.SX.zeros(2)
@@ -53,7 +61,7 @@ def reduced_problem(wheel_count: int, objective: str) -> Problem:
     ]
     return Problem(
         state=ca.vertcat(symbols.heading, symbols.yaw_rate),
-        control=u,
+        control=ca.vertcat(u, null),
         data=ca.vertcat(symbols.program_velocity, symbols.program_acceleration),
         parameters=ca.vertcat(symbols.coefficients, symbols.point, velocities),
         start=start,
@@ -61,6 +69,8 @@ def reduced_problem(wheel_count: int, objective: str) -> Problem:
         rate=ca.vertcat(symbols.yaw_rate, u),
         integrand=integrand,
         terminal=chosen.work_share * (energies[1] - energies[0]),
+        path=ca.vertcat(*(quantities[name] for name in limits)) if limits else ca.SX(0, 1),
+        boundary=end - start,
     )
 
 
@@ -73,6 +83,7 @@ class Structure:
     intervals: int
     degree: int
     scheme: SchemeName
+    limits: tuple[str, ...] = ()
 
 
 @cache
@@ -86,7 +97,7 @@ def reduced_transcription(structure: Structure, options: SolverOptions) -> Trans
     Returns:
         A transcription of `reduced_problem`.
     """
-    problem = reduced_problem(structure.wheel_count, structure.objective)
+    problem = reduced_problem(structure.wheel_count, structure.objective, structure.limits)
     return Transcription(problem, structure.intervals, structure.degree, structure.scheme, options)
 
 
@@ -96,38 +107,51 @@ def program_data(task: Task, t: np.ndarray) -> np.ndarray:
     return np.vstack([velocity, acceleration]).reshape(4, *t.shape)
 
 
-def numbers_of(task: Task, transcription: Transcription, edges: np.ndarray, end: Bounds) -> Numbers:
-    """The numbers of a task for a transcription.
+@dataclass(frozen=True, kw_only=True)
+class Ends:
+    """Bounds of (heading, yaw rate) at both ends, and of their difference; each of two entries."""
+
+    start: Bounds
+    end: Bounds
+    difference: Bounds
+
+
+def numbers_of(task: Task, transcription: Transcription, edges: np.ndarray, ends: Ends) -> Numbers:
+    """The numbers of a task for a transcription, with the task's limits at the nodes.
 
     Args:
-        task: platform, point, motion and start.
+        task: platform, point, motion and limits.
         transcription: of the reduced problem.
         edges: (N + 1,) [s].
-        end: bounds of (heading, yaw rate) at the end.
+        ends: bounds at both ends.
 
     Returns:
-        Numbers with the task's start.
+        Numbers.
     """
     velocities = task.motion.at(np.array([0.0, task.duration]))[1]
+    limits = limit_values(task.limits, task.platform.wheel_count)
     return Numbers(
         edges=edges,
         data=program_data(task, transcription.node_times(edges)),
         parameters=np.concatenate([coefficients(task.platform), task.point, velocities.ravel(order="F")]),
-        start=Bounds.fixed(np.array([task.start.heading, task.start.heading_rate])),
-        end=end,
+        start=ends.start,
+        end=ends.end,
+        path=Bounds(lower=-limits, upper=limits),
+        boundary=ends.difference,
     )
 
 
-def guess_from_law(task: Task, transcription: Transcription, edges: np.ndarray) -> Nodes:
+def guess_from_law(task: Task, transcription: Transcription, edges: np.ndarray, turn: float | None = None) -> Nodes:
     """The servo law's rotation on a mesh, or a rotation at constant rate where the law is unstable.
 
     Args:
         task: what to do.
         transcription: for its nodes.
         edges: (N + 1,) [s].
+        turn: [rad] net turn of the heading; a uniform rotation is added to the law's to reach it; None adds none.
 
     Returns:
-        States and controls to start from.
+        States and controls to start from; null torques are zero.
     """
     points = transcription.node_times(edges)
     t, index = np.unique(np.concatenate([edges, points.ravel()]), return_inverse=True)
@@ -135,7 +159,11 @@ def guess_from_law(task: Task, transcription: Transcription, edges: np.ndarray) 
     if motion is None:
         heading = task.start.heading + task.start.heading_rate * t
         motion = np.vstack([heading, np.full_like(t, task.start.heading_rate), np.zeros_like(t)])
+    if turn is not None:
+        rate = (turn - (motion[0, -1] - motion[0, 0])) / task.duration
+        motion = motion + np.vstack([rate * t, np.full_like(t, rate), np.zeros_like(t)])
     values = motion[:, index]
     count = len(edges)
     inner = values[:, count:].reshape(3, *points.shape)
-    return Nodes(values[:2, :count], inner[:2], inner[2:])
+    null = np.zeros((transcription.problem.control.numel() - 1, *points.shape))
+    return Nodes(values[:2, :count], inner[:2], np.concatenate([inner[2:], null]))

@@ -91,7 +91,7 @@ class Numbers:
         end: of x(T).
         state: of x at all nodes; None is free.
         control: of u at all collocation points; None is free.
-        path: of h; None where there is no h.
+        path: of h, the same at all nodes (nh,) or node by node (nh, N, d); None where there is no h.
         boundary: of B; None where there is no B.
     """
 
@@ -292,8 +292,9 @@ class Transcription:
             )
 
         def constraints(side: str) -> np.ndarray:
-            zeros = np.zeros(self._equalities)
-            return np.concatenate([zeros, np.tile(getattr(path, side), count * degree), getattr(boundary, side)])
+            bound = getattr(path, side)
+            nodes = np.tile(bound, count * degree) if bound.ndim == 1 else flat(bound).ravel(order="F")
+            return np.concatenate([np.zeros(self._equalities), nodes, getattr(boundary, side)])
 
         widths = np.diff(numbers.edges)
         data = flat(numbers.data).ravel(order="F")
@@ -342,6 +343,22 @@ class Transcription:
         # The derivative has degree d - 1, so its values at the collocation points determine it.
         derivative = values @ self.scheme.derivative @ lagrange_basis(self.scheme.points, s)
         return state, derivative, nodes.control @ lagrange_basis(self.scheme.points, s)
+
+    def at_places(self, nodes: Nodes, interval: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """State and control at single places.
+
+        Args:
+            nodes: values on the mesh.
+            interval: (m,) number of the interval of each place.
+            s: (m,) in [0, 1].
+
+        Returns:
+            (nx, m), (nu, m).
+        """
+        values = np.concatenate([nodes.edges[:, :-1, None], nodes.points], axis=2)
+        state = np.einsum("xmj,jm->xm", values[:, interval], lagrange_basis(self.scheme.nodes, s))
+        control = np.einsum("umj,jm->um", nodes.control[:, interval], lagrange_basis(self.scheme.points, s))
+        return state, control
 
     def evaluate(
         self, state: np.ndarray, control: np.ndarray, data: np.ndarray, parameters: np.ndarray

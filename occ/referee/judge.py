@@ -221,6 +221,8 @@ def _check_start(
 ) -> str:
     state = solution.start_state
     assert state is not None
+    if solution.claim.start == "free" and solution.claim.end != "periodic":
+        return "a free start belongs to a periodic end only: its kinetic energy would not be paid for"
     if solution.claim.start == "given":
         start = task.start.heading, task.start.heading_rate
         where = "the task's start"
@@ -260,9 +262,19 @@ def _check_claimed(
 def _check_end(
     task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
 ) -> str:
-    if solution.claim.end == "free":
+    end, claim = replay.end_state, solution.claim
+    if claim.end == "free":
         return ""
-    distance = float(np.abs(servo_end_state(task) - replay.end_state).max())
+    if claim.end == "law":
+        wanted, where = servo_end_state(task), "the servo law's end state"
+    elif claim.end == "rest":
+        wanted, where = np.append(end[:3], np.zeros(3)), "rest"
+    else:
+        assert solution.start_state is not None
+        turned = float(solution.start_state[2]) + 2 * np.pi * (claim.winding or 0)
+        wanted = np.concatenate([end[:2], [turned], solution.start_state[3:]])
+        where = f"its start with {claim.winding or 0} full turns"
+    distance = float(np.abs(wanted - end).max())
     if distance > allowed.end:
-        return f"the motion ends {distance:.3g} (SI units) away from the servo law's end state"
+        return f"the motion ends {distance:.3g} (SI units) away from {where}"
     return ""

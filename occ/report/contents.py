@@ -6,14 +6,15 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
-import pandas as pd
-
 from occ.objectives import Objective
-from occ.report.stored import Stored
+from occ.report.stored import Row, Stored
 from occ.report.tables import MISSING, Column, Table, amount, gap, is_missing, peak, residual
 
 MOST_CASES_APART = 6
 """Up to so many cases have a table each; more share one."""
+
+ROUNDING = 1e-9
+"""An energy below this share of the dissipation is rounding."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class Field:
     """A column and how its cells are made from a row of the results."""
 
     column: Column
-    cell: Callable[[dict[str, Any]], str]
+    cell: Callable[[Row], str]
 
 
 def text_field(heading: str, name: str | None = None) -> Field:
@@ -57,7 +58,7 @@ def plain_name(item: Objective) -> str:
     return item.name.replace("_", " ")
 
 
-def gap_text(row: dict[str, Any], item: Objective) -> str:
+def gap_text(row: Row, item: Objective) -> str:
     """The gap and, in brackets, the kind of bound: ``0.5305 (local)``."""
     kind = row[f"{item.name}_bound_kind"]
     value = gap(row[f"{item.name}_gap_percent"])
@@ -68,10 +69,16 @@ def _gap_field(item: Objective) -> Field:
     return Field(Column(f"{plain_name(item)} above bound", "%", numeric=True), lambda row: gap_text(row, item))
 
 
-CLASS = [text_field("keep"), text_field("start"), text_field("end")]
+def _ledger_text(row: Row, name: str) -> str:
+    """An energy; what is only rounding beside the dissipation does not pretend to six digits."""
+    form = residual if abs(row[name]) < ROUNDING * abs(row["dissipation_J"]) else amount
+    return form(row[name])
+
+
+CLASS = [text_field("start"), text_field("end")]
 ENERGY = [
     number_field("work", "J", "work_J", amount),
-    number_field("kinetic change", "J", "kinetic_change_J", amount),
+    Field(Column("kinetic change", "J", numeric=True), lambda row: _ledger_text(row, "kinetic_change_J")),
     number_field("dissipation", "J", "dissipation_J", amount),
     number_field("positive work", "J", "positive_work_J", amount),
     number_field("electric", "J", "electric_J", amount),
@@ -102,13 +109,13 @@ def answer_tables(stored: Stored) -> list[Table]:
     Returns:
         One table for each case, or a single one where there are many cases.
     """
-    fields = [text_field("status"), *CLASS[1:]]
+    fields = [text_field("status"), *CLASS]
     for item in stored.objectives:
         fields += [number_field(plain_name(item), plain_unit(item.unit), item.column, amount), _gap_field(item)]
     fields.append(WHEELS[0])
     if len(stored.cases) > MOST_CASES_APART:
-        return [_table(stored.title, fields, stored.rows, with_case=True)]
-    return [_table(case, fields, stored.of_case(case), with_case=False) for case in stored.cases]
+        return [_table(stored.title, fields, stored.records(), with_case=True)]
+    return [_table(case, fields, stored.records(case), with_case=False) for case in stored.cases]
 
 
 def detail_table(stored: Stored, caption: str, fields: Iterable[Field]) -> Table:
@@ -122,7 +129,7 @@ def detail_table(stored: Stored, caption: str, fields: Iterable[Field]) -> Table
     Returns:
         One table of all cases.
     """
-    return _table(caption, fields, stored.rows, with_case=len(stored.cases) > 1)
+    return _table(caption, fields, stored.records(), with_case=len(stored.cases) > 1)
 
 
 def not_ok_table(stored: Stored) -> Table:
@@ -134,7 +141,7 @@ def not_ok_table(stored: Stored) -> Table:
     Returns:
         A table that may be without rows.
     """
-    rows = stored.rows[stored.rows["status"] != "ok"]
+    rows = [row for row in stored.records() if row["status"] != "ok"]
     return _table("Rows that are not ok", MESSAGES, rows, with_case=len(stored.cases) > 1)
 
 
@@ -147,11 +154,11 @@ def notes_table(stored: Stored) -> Table:
     Returns:
         A table that may be without rows.
     """
-    rows = stored.rows[(stored.rows["status"] == "ok") & (stored.rows["message"] != "")]
+    rows = [row for row in stored.records() if row["status"] == "ok" and row["message"]]
     return _table("Notes", [text_field("note", "message")], rows, with_case=len(stored.cases) > 1)
 
 
-def _table(caption: str, fields: Iterable[Field], rows: pd.DataFrame, *, with_case: bool) -> Table:
+def _table(caption: str, fields: Iterable[Field], rows: Iterable[Row], *, with_case: bool) -> Table:
     chosen = [*([text_field("case")] if with_case else []), text_field("controller"), *fields]
-    cells = tuple(tuple(field.cell(row) for field in chosen) for row in rows.to_dict("records"))
+    cells = tuple(tuple(field.cell(row) for field in chosen) for row in rows)
     return Table(caption, tuple(field.column for field in chosen), cells)

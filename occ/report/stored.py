@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias, cast
 
 import numpy as np
 import pandas as pd
 
 from occ.errors import InputError
+from occ.experiment import naming
 from occ.objectives import Objective, objective
 from occ.referee import LABELS, MEASURES
 
+Row: TypeAlias = dict[str, Any]
 BOUND_COLUMNS = ("bound", "bound_kind", "gap_percent")
 
 
@@ -83,14 +84,15 @@ class Stored:
         bounds = {f"{item.name}_{column}" for item in self.objectives for column in BOUND_COLUMNS}
         return [name for name in self.rows.columns if name not in {*LABELS, *MEASURES, *bounds}]
 
-    def of_case(self, case: str) -> pd.DataFrame:
-        """The rows of one case, in the order of its controllers."""
-        return self.rows[self.rows["case"] == case]
+    def records(self, case: str | None = None) -> list[Row]:
+        """The rows of one case, or all of them, in the order of the table; a missing number is NaN."""
+        rows = self.rows if case is None else self.rows[self.rows["case"] == case]
+        return cast("list[Row]", rows.to_dict("records"))
 
     def slug(self, case: str) -> str:
         """The case's name in the names of files."""
         known = self.runs.get(case, {}).get("slug")
-        return str(known) if known else re.sub(r"[^A-Za-z0-9.+-]+", "-", case).strip("-")
+        return str(known or naming.slug(case))
 
     def motion(self, case: str, controller: str) -> Motion | None:
         """The stored trajectory of one row.
@@ -106,10 +108,10 @@ class Stored:
         place = entry.get("trajectory")
         if not place or not (self.folder / place).is_file():
             return None
-        import h5netcdf
+        import h5py  # type: ignore[import-untyped]
 
-        with h5netcdf.File(self.folder / place, "r") as file:
-            data = {name: np.asarray(variable[...]) for name, variable in file.variables.items()}
+        with h5py.File(self.folder / place, "r") as file:
+            data = {name: np.asarray(variable) for name, variable in file.items()}
             return Motion(data, {name: np.asarray(value) for name, value in file.attrs.items()})
 
 
@@ -139,11 +141,13 @@ def load(folder: Path) -> Stored:
     missing = [name for name in (*LABELS, *MEASURES) if name not in rows.columns]
     if missing:
         raise InputError(f"{table}: not a table of results: it lacks {', '.join(missing)}")
+    if rows.empty:
+        raise InputError(f"{table}: no results in it, only the names of their columns")
     run = folder / "run.json"
     if not run.is_file():
         return Stored(folder, rows)
     try:
         content = json.loads(run.read_text(encoding="utf-8"))
         return Stored(folder, rows, content["experiment"], content["cases"])
-    except (ValueError, KeyError) as error:
+    except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{run}: not the record of a run ({error!r})") from error

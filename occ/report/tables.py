@@ -203,7 +203,7 @@ def latex(table: Table) -> str:
     form = "".join("r" if column.numeric else "l" for column in table.columns)
     lines = [
         r"\begin{table}",
-        r"\centering",
+        r"\centering\footnotesize\setlength{\tabcolsep}{4pt}",
         rf"\caption{{{latex_text(table.caption)}}}",
         rf"\begin{{tabular}}{{{form}}}",
         r"\toprule",
@@ -237,10 +237,15 @@ def terminal(table: Table) -> rich.table.Table:
     from rich.table import Table as RichTable
     from rich.text import Text
 
-    shown = RichTable(title=Text(table.caption, style="bold"), box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False)
+    shown = RichTable(
+        title=Text(table.caption, style="bold"), box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False
+    )
     for column in table.columns:
         shown.add_column(
-            Text(_heading(column)), justify="right" if column.numeric else "left", no_wrap=column.numeric, overflow="fold"
+            Text(_heading(column)),
+            justify="right" if column.numeric else "left",
+            no_wrap=column.numeric,
+            overflow="fold",
         )
     for row in table.rows:
         cells = zip(row, table.columns, strict=True)

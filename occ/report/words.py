@@ -5,13 +5,13 @@ No sentence says "optimal" without one of the words certified, local or measured
 
 from __future__ import annotations
 
+import math
+from statistics import median
 from typing import Any
-
-import pandas as pd
 
 from occ.objectives import Objective
 from occ.report.contents import MOST_CASES_APART, plain_name, plain_unit
-from occ.report.stored import Stored
+from occ.report.stored import Row, Stored
 from occ.report.tables import amount, gap, is_missing, markdown_text, peak
 
 KINDS = {
@@ -26,7 +26,7 @@ MEANINGLESS_PEAK = 10.0
 
 
 def answer(stored: Stored) -> list[str]:
-    """The answer, one sentence or two for each finding.
+    """The answer, a few sentences for each case and objective.
 
     Args:
         stored: the results.
@@ -36,9 +36,8 @@ def answer(stored: Stored) -> list[str]:
     """
     law = stored.controllers[0]
     lines = [f"The law in question is the first controller of the experiment, **{markdown_text(law)}**."]
-    apart = len(stored.cases) <= MOST_CASES_APART
     for item in stored.objectives:
-        if apart:
+        if len(stored.cases) <= MOST_CASES_APART:
             lines += [_case_answer(stored, case, item, law) for case in stored.cases]
         else:
             lines.append(_sweep_answer(stored, item, law))
@@ -46,23 +45,27 @@ def answer(stored: Stored) -> list[str]:
 
 
 def _case_answer(stored: Stored, case: str, item: Objective, law: str) -> str:
-    rows = stored.of_case(case)
-    own = rows[rows["controller"] == law].iloc[0]
-    where = f"{markdown_text(case)}, {plain_name(item)}: " if len(stored.cases) > 1 else f"{plain_name(item)}: "
-    where = where[0].upper() + where[1:]
-    if own["status"] != "ok":
-        return f"{where}**{markdown_text(law)}** has no result here ({own['status']}); its reason stands below."
-    usable = rows[(rows["status"] == "ok") & (rows["keep"] == own["keep"])]
-    parts = [_best(usable, own, item), _bound(own, item), _others(usable, own, item)]
-    return where + " ".join(part for part in parts if part)
+    rows = stored.records(case)
+    own = next((row for row in rows if row["controller"] == law), None)
+    where = f"{case}, {plain_name(item)}" if len(stored.cases) > 1 else plain_name(item).capitalize()
+    topic = f"{markdown_text(where)}:"
+    if own is None or own["status"] != "ok":
+        status = "no row" if own is None else f"status {own['status']}"
+        return f"{topic} **{markdown_text(law)}** has no result here ({status})."
+    usable = [row for row in rows if row["status"] == "ok" and row["keep"] == own["keep"]]
+    peers = [row for row in usable if row["start"] == own["start"]]
+    others = [row for row in usable if row["start"] != own["start"] and own["start"] != "own"]
+    least = min(float(row[item.column]) for row in peers)
+    parts = (topic, _best(peers, own, item), _bound(own, least, item), _others(others, own, item))
+    return " ".join(part for part in parts if part)
 
 
 def _quantity(value: Any, item: Objective) -> str:
     return f"{amount(value)} {plain_unit(item.unit)}"
 
 
-def _name(row: pd.Series[Any]) -> str:
-    return f"**{markdown_text(str(row['controller']))}**"
+def _name(row: Row) -> str:
+    return f"**{markdown_text(row['controller'])}**"
 
 
 def _percent(value: float) -> str:
@@ -70,73 +73,71 @@ def _percent(value: float) -> str:
 
 
 def _above(value: float, reference: float) -> float:
-    """[%] value over reference."""
-    return 100.0 * (value - reference) / abs(reference) if reference else float("nan")
+    """[%] value over reference; NaN where the reference is zero."""
+    return 100.0 * (value - reference) / abs(reference) if reference else math.nan
 
 
-def _best(usable: pd.DataFrame, own: pd.Series[Any], item: Objective) -> str:
+def _best(peers: list[Row], own: Row, item: Objective) -> str:
     """Who of the law's own start needs least, and how much more the law needs."""
-    peers = usable[usable["start"] == own["start"]]
-    best = peers.loc[peers[item.column].idxmin()]
-    law, least = float(own[item.column]), float(best[item.column])
+    best = min(peers, key=lambda row: float(row[item.column]))
+    law, least = own[item.column], best[item.column]
     if len(peers) == 1:
         return f"{_name(own)} needs {_quantity(law, item)}; no other controller shares its start."
     if best["controller"] == own["controller"]:
         return f"of the controllers with its start, {_name(own)} itself needs least, {_quantity(law, item)}."
-    more = _percent(_above(law, least))
     return (
         f"of the controllers with the law's start, {_name(best)} needs least, {_quantity(least, item)} "
-        f"(end class {best['end']}); {_name(own)} needs {_quantity(law, item)}, {more} more."
+        f"(end class {best['end']}); {_name(own)} needs {_quantity(law, item)}, {_percent(_above(law, least))} more."
     )
 
 
-def _bound(own: pd.Series[Any], item: Objective) -> str:
+def _bound(own: Row, least: float, item: Objective) -> str:
     """How far the law is above the bound of its class, and what sort of bound that is."""
     bound, kind = own[f"{item.name}_bound"], own[f"{item.name}_bound_kind"]
-    if is_missing(kind) or kind == "none" or is_missing(bound):
+    if kind in ("", "none") or is_missing(bound):
         return "For its class there is no bound, so this compares controllers and says nothing of what is possible."
-    percent = float(own[f"{item.name}_gap_percent"])
+    percent = own[f"{item.name}_gap_percent"]
+    if math.isclose(bound, least, rel_tol=1e-12):
+        return f"That least value is the bound of the law's class, too, and it is *{kind}*: {KINDS[kind]}."
     side = "above" if percent >= 0 else "below"
-    meaning = KINDS.get(kind, "its meaning is not known to this report")
     return (
         f"{_name(own)} is {_percent(abs(percent))} {side} the best known value of its class, "
-        f"{_quantity(bound, item)}; this bound is *{kind}*: {meaning}."
+        f"{_quantity(bound, item)}; this bound is *{kind}*: {KINDS[kind]}."
     )
 
 
-def _others(usable: pd.DataFrame, own: pd.Series[Any], item: Objective) -> str:
+def _others(others: list[Row], own: Row, item: Objective) -> str:
     """Rows with a start of their own, which the bound does not cover."""
-    others = usable[usable["start"] != own["start"]]
-    if others.empty or own["start"] == "own":
+    if not others:
         return ""
-    law = float(own[item.column])
-    less = others[others[item.column] < law]
-    if less.empty:
+    law = own[item.column]
+    less = [row for row in others if row[item.column] < law]
+    if not less:
         return "No controller with a start of its own needs less than the law."
     named = ", ".join(
         f"{_name(row)} ({_quantity(row[item.column], item)}, {_percent(-_above(row[item.column], law))} less)"
-        for _, row in less.iterrows()
+        for row in less
     )
     return (
-        f"With a start of their own, which costs them nothing and which the bound does not cover, "
+        "With a start of their own, which costs them nothing and which the bound does not cover, "
         f"these need less than the law: {named}."
     )
 
 
 def _sweep_answer(stored: Stored, item: Objective, law: str) -> str:
-    rows = stored.rows
-    own = rows[(rows["controller"] == law)]
-    fine = own[own["status"] == "ok"]
-    text = f"{plain_name(item)[0].upper()}{plain_name(item)[1:]}: {_name(own.iloc[0])} is ok in {len(fine)} of {len(own)} cases."
-    gaps = fine.dropna(subset=[f"{item.name}_gap_percent"])
-    if gaps.empty:
+    rows = [row for row in stored.records() if row["controller"] == law]
+    fine = [row for row in rows if row["status"] == "ok"]
+    name = plain_name(item).capitalize()
+    text = f"{name}: **{markdown_text(law)}** is ok in {len(fine)} of {len(rows)} cases."
+    column = f"{item.name}_gap_percent"
+    gaps = sorted((row for row in fine if not is_missing(row[column])), key=lambda row: float(row[column]))
+    if not gaps:
         return f"{text} No bound is known for any of them."
-    ends = gaps[f"{item.name}_gap_percent"]
-    low, high = gaps.loc[ends.idxmin()], gaps.loc[ends.idxmax()]
-    kinds = ", ".join(f"*{kind}*" for kind in dict.fromkeys(gaps[f"{item.name}_bound_kind"]))
+    low, high = gaps[0], gaps[-1]
+    kinds = ", ".join(f"*{kind}*" for kind in sorted({row[f"{item.name}_bound_kind"] for row in gaps}))
     return (
-        f"{text} Its gap to the best known value of its class runs from {_percent(ends.min())} "
-        f"({markdown_text(low['case'])}) to {_percent(ends.max())} ({markdown_text(high['case'])}); "
+        f"{text} Its gap to the best known value of its class runs from {_percent(low[column])} "
+        f"({markdown_text(low['case'])}) to {_percent(high[column])} ({markdown_text(high['case'])}); "
         f"kinds of bounds: {kinds}."
     )
 
@@ -152,14 +153,14 @@ def peak_notes(stored: Stored) -> list[str]:
     """
     found: dict[str, list[str]] = {}
     for case in stored.cases:
-        rows = stored.of_case(case)
-        rows = rows[rows["status"] == "ok"]
-        middle = rows["peak_torque_Nm"].median()
-        for _, row in rows[rows["peak_torque_Nm"] > MEANINGLESS_PEAK * middle].iterrows():
-            found.setdefault(row["controller"], []).append(f"{peak(row['peak_torque_Nm'])} N m in {markdown_text(case)}")
+        rows = [row for row in stored.records(case) if row["status"] == "ok"]
+        for row in rows:
+            if row["peak_torque_Nm"] > MEANINGLESS_PEAK * median(other["peak_torque_Nm"] for other in rows):
+                place = f"{peak(row['peak_torque_Nm'])} N m in {markdown_text(case)}"
+                found.setdefault(row["controller"], []).append(place)
     return [
         f"The peak torque of **{markdown_text(name)}** ({'; '.join(places)}) is not meaningful: without torque limits "
-        "the least work is an infimum, approached with ever larger and ever shorter torques at the ends of the horizon, "
-        "so a finer mesh raises the peak and hardly lowers the work."
+        "the least work is an infimum, approached with ever larger and ever shorter torques at the ends of the "
+        "horizon, so a finer mesh raises the peak and hardly lowers the work."
         for name, places in found.items()
     ]

@@ -57,6 +57,15 @@ def test_the_answer_in_words_follows_from_the_numbers(tmp_path: Path) -> None:
     assert "85.0000" not in work
 
 
+def test_the_law_is_compared_with_its_own_class_only(tmp_path: Path) -> None:
+    rows = [row("law", 90.0), row("own", 60.0, start="own"), row("tube", 50.0, keep="tube"), row("peer", 95.0)]
+    text = section(report(store(tmp_path, rows)), "## Answer")
+    work = next(line for line in text.splitlines() if line.startswith("- Work:"))
+    assert "**law** itself needs least, 90.0000 J" in work
+    assert "**own** (60.0000 J, 33.33 % less)" in work
+    assert "tube" not in work
+
+
 def test_the_law_can_be_the_best(tmp_path: Path) -> None:
     rows = [row("law", 81.0), row("other", 90.0), row("own", 95.0, start="own")]
     text = section(report(store(tmp_path, rows)), "## Answer")
@@ -72,6 +81,14 @@ def test_a_certified_bound_is_called_so(tmp_path: Path) -> None:
     rows = [row("law", 81.0, work_bound_kind="certified"), row("other", 90.0, work_bound_kind="certified")]
     text = report(store(tmp_path, rows))
     assert "this bound is *certified*: a proof, independent of every controller" in text
+
+
+def test_a_bound_set_by_a_row_of_the_table_is_not_told_twice(tmp_path: Path) -> None:
+    rows = [row("law", 100.0), row("least", 80.0)]
+    text = section(report(store(tmp_path, rows)), "## Answer")
+    work = next(line for line in text.splitlines() if line.startswith("- Work:"))
+    assert work.count("25.00 %") == 1
+    assert "That least value is the bound of the law's class, too, and it is *local*: it is the value of a KKT" in work
 
 
 def test_without_a_bound_nothing_is_claimed(tmp_path: Path) -> None:

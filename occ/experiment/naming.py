@@ -1,0 +1,58 @@
+"""Names of cases, as people read them and as folders and files can carry them."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from typing import Any
+
+BASE = "base"
+"""The case of an experiment without a sweep."""
+LONGEST_FILE_NAME = 120
+
+
+def slug(name: str) -> str:
+    """The part of a file's name that stands for a case or a controller.
+
+    Args:
+        name: of any content.
+
+    Returns:
+        Letters, digits and . + = , - _ only, at most `LONGEST_FILE_NAME` characters.
+    """
+    text = re.sub(r"[^A-Za-z0-9.+=,_-]", "_", name)
+    if len(text) <= LONGEST_FILE_NAME:
+        return text
+    digest = hashlib.sha256(name.encode()).hexdigest()[:12]
+    return f"{text[: LONGEST_FILE_NAME - 13]}-{digest}"
+
+
+def compact(value: Any) -> str:
+    """A value in the name of a case: shortest exact number, ``laps=1`` for a table, ``[0.1,0.2]`` for a list."""
+    if isinstance(value, dict):
+        return ",".join(f"{key}={compact(item)}" for key, item in value.items()) or "none"
+    if isinstance(value, list | tuple):
+        return f"[{','.join(compact(item) for item in value)}]"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return repr(value).removesuffix(".0")
+    return str(value)
+
+
+def case_name(swept: dict[str, Any]) -> str:
+    """``motion.radius=0.6,horizon.laps=1``; ``base`` where nothing is swept.
+
+    Args:
+        swept: values by dotted name; tables as dictionaries.
+
+    Returns:
+        A name that differs where a value differs.
+    """
+    parts: list[str] = []
+    for key, value in swept.items():
+        if isinstance(value, dict) and value:
+            parts += [f"{key}.{name}={compact(item)}" for name, item in value.items()]
+        else:
+            parts.append(f"{key}={compact(value)}")
+    return ",".join(parts) or BASE

@@ -1,0 +1,40 @@
+"""Fixtures of the experiment tests."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from occ.cli import app
+from tests.experiment import TINY
+
+Write = Callable[..., Path]
+Occ = Callable[..., Any]
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Write an experiment file into the test's folder."""
+
+    def _write(text: str = TINY, name: str = "tiny.toml") -> Path:
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return _write
+
+
+@pytest.fixture
+def occ() -> Occ:
+    """Run a command in this process: ``occ("check", path)`` has exit_code, stdout and stderr."""
+    return lambda *arguments: CliRunner().invoke(app, [str(item) for item in arguments])
+
+
+@pytest.fixture
+def no_figures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Leave figures and report out, which have tests of their own."""
+    monkeypatch.setattr("occ.cli._write_outputs", lambda *_: None)
