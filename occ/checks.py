@@ -7,7 +7,7 @@ annotation becomes the constraint (and the JSON Schema) of the key in an experim
 from __future__ import annotations
 
 import math
-from dataclasses import fields
+from dataclasses import fields, is_dataclass
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 from annotated_types import Ge, Gt, Le
@@ -42,11 +42,15 @@ def _violation(value: Any, hint: Any) -> str | None:
         return None if value in options else "one of " + ", ".join(map(repr, options))
     if origin is tuple:
         return _tuple_violation(value, get_args(hint))
+    if hint is bool:
+        return None if isinstance(value, bool) else "true or false"
     if hint is float or hint is int:
         kinds = (int, float) if hint is float else (int,)
         if isinstance(value, bool) or not isinstance(value, kinds):
             return "a number" if hint is float else "a whole number"
         return None if math.isfinite(value) else "a finite number"
+    if isinstance(hint, type) and is_dataclass(hint):
+        return None if isinstance(value, hint) else f"a {hint.__name__}"
     options = get_args(hint)
     if options:  # a union
         wrongs = [_violation(value, option) for option in options if option is not type(None)]
@@ -68,6 +72,16 @@ def _tuple_violation(value: Any, items: tuple[Any, ...]) -> str | None:
     return next((f"a tuple whose entries are {wrong}" for wrong in wrongs if wrong), None)
 
 
+_HINTS: dict[type, dict[str, Any]] = {}
+
+
+def _hints_of(cls: type) -> dict[str, Any]:
+    """Annotations of a dataclass; resolving them takes longer than all checks, so they are kept."""
+    if cls not in _HINTS:
+        _HINTS[cls] = get_type_hints(cls, include_extras=True)
+    return _HINTS[cls]
+
+
 def check_fields(instance: Any) -> None:
     """Refuse a dataclass instance whose fields break their annotations.
 
@@ -77,7 +91,7 @@ def check_fields(instance: Any) -> None:
         InputError: names class, field and value, and says what would be right.
     """
     cls = type(instance)
-    hints = get_type_hints(cls, include_extras=True)
+    hints = _hints_of(cls)
     for field in fields(instance):
         hint = hints.get(field.name)
         value = _plain(getattr(instance, field.name))

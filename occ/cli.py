@@ -157,12 +157,11 @@ def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder wi
 
 def _write_outputs(folder: Path, progress: Advance | None) -> None:
     """Figures and report from stored results."""
-    from occ.figures.comparison import write_figures
+    from occ.figures.comparison import drawn, write_figures
     from occ.report.report import write_report
 
-    # The report embeds the figures that are there.
     write_figures(folder, (lambda name: progress(name, 0)) if progress else None)
-    write_report(folder)
+    write_report(folder, drawn(folder))
 
 
 def _show(folder: Path) -> None:

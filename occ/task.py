@@ -200,6 +200,10 @@ class Solution:
 class Player(Protocol):
     """Anything that maps a task to a solution: a law, an optimal controller, an allocation."""
 
+    def check(self, task: Task) -> None:
+        """Refuse, with an `InputError`, a task that this player cannot be meant for; called before anything runs."""
+        ...
+
     def solve(self, task: Task) -> Solution:
         """Find wheel torques for the task; numerical failure is a solution with a status, not an exception."""
         ...

@@ -293,7 +293,7 @@ def _contradictions(data: dict[str, Any], file: ExperimentFile | None) -> Iterat
 def _unplayable(
     data: dict[str, Any], file: ExperimentFile | None, parts: dict[str, Any], duration: float | None
 ) -> Iterator[Mistake]:
-    """Controllers that cannot start on this motion."""
+    """Controllers that cannot do this task."""
     point = parts["point"]
     # What only another table's mistake hides is stood in for by something valid.
     task = Task(
@@ -307,9 +307,10 @@ def _unplayable(
     controllers = data.get("controller")
     for i, table in enumerate(controllers if isinstance(controllers, list) else ()):
         player = file.controller[i].build() if file else _built(_CONTROLLER, table)
-        if isinstance(player, PathKeepingLaw):
+        # Without a horizon only what does not depend on it can be checked.
+        if player is not None and (duration or isinstance(player, PathKeepingLaw)):
             try:
-                player.start(task)
+                player.check(task)
             except InputError as error:
                 yield Mistake(("controller", i), re.sub(r"^\w+: ", "", str(error)))
 

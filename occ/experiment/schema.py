@@ -35,7 +35,7 @@ from occ.checks import Positive
 from occ.errors import InputError
 from occ.experiment.documentation import key_texts, summary
 from occ.model.platform import Platform
-from occ.model.presets import PRESETS
+from occ.model.presets import PLATFORMS
 from occ.motion import MOTIONS, ProgramMotion
 from occ.objectives import OBJECTIVES
 from occ.players import PLAYERS
@@ -71,7 +71,14 @@ class DataTable(Table):
             InputError: numbers that do not fit each other.
         """
         names = [field.name for field in dataclasses.fields(self.stands_for)]
-        return self.stands_for(**{name: getattr(self, name) for name in names})
+        return self.stands_for(**{name: _built(getattr(self, name)) for name in names})
+
+
+def _built(value: Any) -> Any:
+    """A key's value with the tables inside it as what they stand for."""
+    if isinstance(value, DataTable):
+        return value.build()
+    return tuple(_built(item) for item in value) if isinstance(value, tuple) else value
 
 
 class PlatformPreset(DataTable):
@@ -124,7 +131,9 @@ def table_model(
 
 
 def _toml_hint(hint: Any) -> Any:
-    """A field's annotation as TOML can meet it: tuples are written as lists, and nothing is written for None."""
+    """A field's annotation as TOML can meet it: tuples are written as lists, dataclasses as tables, None not at all."""
+    if isinstance(hint, type) and dataclasses.is_dataclass(hint):
+        return table_model(hint)
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return Annotated[(_toml_hint(arguments[0]), *arguments[1:])]
@@ -239,7 +248,7 @@ if TYPE_CHECKING:
     ObjectiveName: TypeAlias = str
 else:
     PlatformTable = _one_of(
-        (table_model(cls, PlatformPreset, ("preset", name)) for name, cls in PRESETS.items()), "preset"
+        (table_model(cls, PlatformPreset, ("preset", name)) for name, cls in PLATFORMS.items()), "preset"
     )
     PointTable = table_model(Point)
     MotionTable = _one_of((table_model(cls, tag=("kind", cls.kind)) for cls in MOTIONS), "kind")

@@ -126,6 +126,20 @@ def write_figures(out: Path, progress: Callable[[str], None] | None = None) -> l
     return written
 
 
+def drawn(out: Path) -> list[tuple[str, str]]:
+    """The planned figures that are there.
+
+    Args:
+        out: folder of a stored experiment.
+
+    Returns:
+        Path from the folder, and caption, in the order of the report.
+    """
+    return [
+        (f"figures/{item.name}", item.caption) for item in plan(load(out)) if (out / "figures" / item.name).is_file()
+    ]
+
+
 def _motions(stored: Stored, case: str) -> Motions:
     found = ((i, name, stored.motion(case, name)) for i, name in enumerate(stored.controllers))
     return {name: (i, motion) for i, name, motion in found if motion is not None}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,31 +34,31 @@ DETAILS = (
 SETUP = ("platform", "point", "motion", "start", "horizon", "limits", "plant", "sweep")
 
 
-def write_report(out: Path) -> None:
+def write_report(out: Path, figures: Sequence[tuple[str, str]] = ()) -> None:
     """Write ``report.md``, ``table.md`` and ``table.tex`` from stored results.
-
-    Figures that are there already are embedded, so `occ.figures.comparison.write_figures` comes first.
 
     Args:
         out: the experiment's folder.
+        figures: to embed: path from the folder, and caption.
 
     Raises:
         InputError: the folder holds no results.
     """
     stored = load(out)
     answers = contents.answer_tables(stored)
-    write_text(out / "report.md", report_text(stored))
+    write_text(out / "report.md", report_text(stored, figures))
     write_text(
         out / "table.md", "\n".join(f"**{markdown_text(table.caption)}**\n\n{markdown(table)}" for table in answers)
     )
     write_text(out / "table.tex", "\n".join(latex(table) for table in answers))
 
 
-def report_text(stored: Stored) -> str:
+def report_text(stored: Stored, figures: Sequence[tuple[str, str]] = ()) -> str:
     """The whole report.
 
     Args:
         stored: results of an experiment.
+        figures: to embed: path from the folder, and caption.
 
     Returns:
         Markdown without dates and times of run: the same results make the same bytes.
@@ -83,19 +84,9 @@ def report_text(stored: Stored) -> str:
         not_ok=contents.not_ok_table(stored),
         notes=contents.notes_table(stored),
         details=details,
-        figures=_figures(stored),
+        figures=figures,
         setup=[(name, _setup_text(stored.experiment[name])) for name in SETUP if stored.experiment.get(name)],
     )
-
-
-def _figures(stored: Stored) -> list[tuple[str, str]]:
-    from occ.figures.comparison import plan
-
-    return [
-        (f"figures/{item.name}", item.caption)
-        for item in plan(stored)
-        if (stored.folder / "figures" / item.name).is_file()
-    ]
 
 
 def _setup_text(values: dict[str, Any]) -> str:

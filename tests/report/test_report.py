@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from occ.errors import InputError
+from occ.figures.comparison import drawn
 from occ.referee import LABELS, MEASURES
 from occ.report.report import write_report
 from occ.report.stored import load
@@ -178,7 +179,9 @@ def test_figures_are_embedded_where_they_are(tmp_path: Path) -> None:
     (folder / "figures").mkdir()
     (folder / "figures" / "heading.svg").write_text("<svg/>")
     (folder / "figures" / "of-an-older-run.svg").write_text("<svg/>")
-    assert re.findall(r"!\[.+\]\((.+)\)", report(folder)) == ["figures/heading.svg"]
+    write_report(folder, drawn(folder))
+    text = (folder / "report.md").read_text(encoding="utf-8")
+    assert re.findall(r"!\[.+\]\((.+)\)", text) == ["figures/heading.svg"]
 
 
 def test_the_csv_alone_is_enough(tmp_path: Path) -> None:
