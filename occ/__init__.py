@@ -22,9 +22,14 @@ if TYPE_CHECKING:
     from occ.model.dynamics import dynamics as dynamics
     from occ.model.platform import Platform as Platform
     from occ.model.platform import Wheel as Wheel
+    from occ.model.presets import omni3 as omni3
     from occ.model.presets import youbot as youbot
     from occ.motion import Circle as Circle
+    from occ.motion import Ellipse as Ellipse
+    from occ.motion import FigureEight as FigureEight
     from occ.motion import Line as Line
+    from occ.motion import RestToRestLine as RestToRestLine
+    from occ.motion import SplineMotion as SplineMotion
     from occ.optimal.collocation import Collocation as Collocation
     from occ.referee import Record as Record
     from occ.referee import judge as judge
@@ -43,8 +48,8 @@ _HOMES = {
     "occ.laws": ("Moment", "PathKeepingLaw", "PrescribedRotation", "ServoLaw"),
     "occ.model.dynamics": ("Dynamics", "dynamics"),
     "occ.model.platform": ("Platform", "Wheel"),
-    "occ.model.presets": ("youbot",),
-    "occ.motion": ("Circle", "Line"),
+    "occ.model.presets": ("omni3", "youbot"),
+    "occ.motion": ("Circle", "Ellipse", "FigureEight", "Line", "RestToRestLine", "SplineMotion"),
     "occ.optimal.collocation": ("Collocation",),
     "occ.referee": ("Record", "judge"),
     "occ.task": ("Claim", "Limits", "Solution", "Start", "Task"),

@@ -6,7 +6,7 @@ annotation becomes the constraint (and the JSON Schema) of the key in an experim
 
 from __future__ import annotations
 
-import math
+import sys
 from dataclasses import fields, is_dataclass
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
@@ -48,7 +48,8 @@ def _violation(value: Any, hint: Any) -> str | None:
         kinds = (int, float) if hint is float else (int,)
         if isinstance(value, bool) or not isinstance(value, kinds):
             return "a number" if hint is float else "a whole number"
-        return None if math.isfinite(value) else "a finite number"
+        # Beyond the largest float a whole number is none of ours, either.
+        return None if abs(value) <= sys.float_info.max else "a finite number"
     if isinstance(hint, type) and is_dataclass(hint):
         return None if isinstance(value, hint) else f"a {hint.__name__}"
     options = get_args(hint)

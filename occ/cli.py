@@ -55,6 +55,10 @@ File = Annotated[Path, typer.Argument(metavar="EXPERIMENT.toml", help="The exper
 Settings = Annotated[
     list[str], typer.Option("--set", metavar="KEY=VALUE", help="Override a key, such as motion.radius=0.6; repeatable.")
 ]
+AllowCode = Annotated[
+    bool,
+    typer.Option("--allow-code", help='Load controllers from your own files (kind = "file.py:Class"): runs that code.'),
+]
 
 
 class Family(StrEnum):
@@ -90,6 +94,7 @@ def run(
         Path | None, typer.Option("--out", metavar="DIR", help="Output folder; reports/<experiment name>/ by default.")
     ] = None,
     settings: Settings = [],  # noqa: B006  (typer makes a new one for each call)
+    allow_code: AllowCode = False,
     workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes.")] = 1,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the rows as one JSON object and nothing else.")
@@ -102,7 +107,7 @@ def run(
     from occ.experiment.load import load_experiment
     from occ.experiment.run import run as run_experiment
 
-    loaded = load_experiment(experiment, settings)
+    loaded = load_experiment(experiment, settings, allow_code)
     folder = out or Path("reports") / experiment.stem
     with _progress(sum(len(case.controllers) for case in loaded.cases)) as progress:
         results = run_experiment(loaded, folder, workers, progress)
@@ -117,14 +122,14 @@ def run(
 
 
 @app.command()
-def check(experiment: File, settings: Settings = []) -> None:  # noqa: B006
+def check(experiment: File, settings: Settings = [], allow_code: AllowCode = False) -> None:  # noqa: B006
     """Validate an experiment: one line per mistake.
 
     Exit codes: 0 no mistake; 2 mistakes.
     """
     from occ.experiment.load import load_experiment
 
-    loaded = load_experiment(experiment, settings)
+    loaded = load_experiment(experiment, settings, allow_code)
     cases, controllers = len(loaded.cases), len(loaded.cases[0].controllers)
     typer.echo(f"ok: {cases} case{'s' * (cases != 1)}, {controllers} controller{'s' * (controllers != 1)}")
 

@@ -28,7 +28,10 @@ class Control(Protocol):
         ...
 
     def segment(self, start: float, end: float) -> Callable[[float, np.ndarray], np.ndarray]:
-        """The same at single times of one smooth piece [start, end]: a fast function (t, state (6,)) -> M (n,)."""
+        """The same at single times of one smooth piece [start, end]: a fast function (t, state (6,)) -> M (n,).
+
+        What it returns may be overwritten by its next call.
+        """
         ...
 
 
@@ -39,14 +42,22 @@ class SymbolicControl:
         law: CasADi function (t, state (6,), signal (m,), data (d,)) -> torque (n,).
         data: (d,) the numbers of the task.
         signal: u(t), m signals; None where the law is a pure feedback (m = 0).
+        knots: (K,) [s] times at which the law itself is not smooth, those of its program motion for example.
     """
 
-    def __init__(self, law: ca.Function, data: np.ndarray, signal: PiecewisePolynomial | None = None) -> None:
+    def __init__(
+        self,
+        law: ca.Function,
+        data: np.ndarray,
+        signal: PiecewisePolynomial | None = None,
+        knots: np.ndarray | None = None,
+    ) -> None:
         self.law, self.data, self.signal = law, data, signal
+        self._knots = np.array([]) if knots is None else knots
 
     @property
     def knots(self) -> np.ndarray:
-        return np.array([]) if self.signal is None else self.signal.edges[1:-1]
+        return self._knots if self.signal is None else np.union1d(self.signal.edges[1:-1], self._knots)
 
     def torque(self, t: np.ndarray, state: np.ndarray) -> np.ndarray:
         signal = np.zeros((0, len(t))) if self.signal is None else self.signal(t)

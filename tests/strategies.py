@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from occ.model.platform import Platform, Wheel
 from occ.model.presets import YouBot
-from occ.motion import Circle, Line
+from occ.motion import Circle, Ellipse, FigureEight, Line, ProgramMotion, RestToRestLine, SplineMotion
 from occ.task import Start
 
 YOUBOT = YouBot()
@@ -120,9 +120,63 @@ def lines(draw: st.DrawFn) -> Line:
     )
 
 
-def motions() -> st.SearchStrategy[Circle | Line]:
-    """Program motions."""
-    return st.one_of(circles(), lines())
+def rates() -> st.SearchStrategy[float]:
+    """Rates [rad/s] of closed curves, in both directions and far from zero."""
+    return st.builds(lambda size, sign: size * sign, reals(0.1, 1.0), st.sampled_from((-1.0, 1.0)))
+
+
+def semi_axes() -> st.SearchStrategy[tuple[float, float]]:
+    """Half lengths and half widths [m]; either may be the longer one."""
+    return st.tuples(reals(0.1, 1.5), reals(0.1, 1.5))
+
+
+def ellipses() -> st.SearchStrategy[Ellipse]:
+    """Ellipses of any tilt, in both directions."""
+    return st.builds(Ellipse, semi_axes=semi_axes(), rate=rates(), phase=angles(), tilt=angles())
+
+
+def figure_eights() -> st.SearchStrategy[FigureEight]:
+    """Figure-eights from any of their points, in both directions."""
+    return st.builds(FigureEight, semi_axes=semi_axes(), rate=rates(), phase=angles())
+
+
+@st.composite
+def splines(draw: st.DrawFn, closed: bool | None = None) -> SplineMotion:
+    """Splines through two to six way-points, or around three to six that are then repeated.
+
+    Way-points that follow each other are at least 0.2 m apart.
+    """
+    if closed is None:
+        closed = draw(st.booleans())
+    count = draw(st.integers(3, 6) if closed else st.integers(2, 6))
+    points = [(draw(reals(-1.0, 1.0)), draw(reals(-1.0, 1.0)))]
+    if closed:
+        corners = [2 * math.pi * (k + draw(reals(-0.2, 0.2))) / count for k in range(count)]
+        points = [(size * math.cos(a), size * math.sin(a)) for a in corners for size in [draw(reals(0.3, 1.0))]]
+        points.append(points[0])
+    else:
+        for _ in range(count - 1):
+            size, direction = draw(reals(0.2, 1.0)), draw(angles())
+            x, y = points[-1]
+            points.append((x + size * math.cos(direction), y + size * math.sin(direction)))
+    times = [0.0]
+    for _ in points[1:]:
+        times.append(times[-1] + draw(reals(1.2, 3.0)))
+    return SplineMotion(points=tuple(points), times=tuple(times), closed=closed)
+
+
+@st.composite
+def rest_to_rest_lines(draw: st.DrawFn) -> RestToRestLine:
+    """Ways of 0.1 to 2 m in any direction."""
+    size, direction = draw(reals(0.1, 2.0)), draw(angles())
+    x, y = draw(reals(-1.0, 1.0)), draw(reals(-1.0, 1.0))
+    end = (x + size * math.cos(direction), y + size * math.sin(direction))
+    return RestToRestLine(start=(x, y), end=end, duration=draw(reals(2.0, 8.0)))
+
+
+def motions() -> st.SearchStrategy[ProgramMotion]:
+    """Program motions of every kind."""
+    return st.one_of(circles(), ellipses(), figure_eights(), lines(), rest_to_rest_lines(), splines())
 
 
 def starts() -> st.SearchStrategy[Start]:

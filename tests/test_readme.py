@@ -10,13 +10,17 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text()
-PYTHON = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
-CONSOLE = [
+BLOCKS = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
+FILES = {name: block for block in BLOCKS for name in re.findall(r"\A# (\w+\.py)\n", block)}
+"""Python blocks that are files of the user's, by the name in their first line."""
+PYTHON = [block for block in BLOCKS if block not in FILES.values()]
+LINES = [
     line.split("#")[0].strip()
     for block in re.findall(r"```console\n(.*?)```", TEXT, re.DOTALL)
     for line in block.splitlines()
     if line.startswith("occ ")
 ]
+CONSOLE = [line for line in LINES if "--allow-code" not in line]
 
 
 def test_python_examples_run_in_their_order(capsys: pytest.CaptureFixture[str]) -> None:
@@ -48,6 +52,32 @@ def test_commands_run(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
                 target.write_bytes(path.read_bytes())
     result = CliRunner().invoke(app, shlex.split(line)[1:])
     assert result.exit_code == 0, result.output
+
+
+def test_own_law_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from typer.testing import CliRunner
+
+    from occ.cli import app
+    from occ.experiment.results import Results
+
+    monkeypatch.chdir(tmp_path)
+    (line,) = [line for line in LINES if "--allow-code" in line]
+    ((name, block),) = FILES.items()
+    (tmp_path / name).write_text(block)
+    (table,) = re.findall(r"```toml\n(.*?)```", TEXT, re.DOTALL)
+    (experiment,) = re.findall(r"a copy of `(experiments/\w+\.toml)` named `mine\.toml`", TEXT)
+    (tmp_path / "mine.toml").write_text((ROOT / experiment).read_text() + "\n" + table)
+    command = [*shlex.split(line)[1:], "--set", "horizon.duration=0.5"]
+    result = CliRunner().invoke(app, command)
+    assert result.exit_code == 0, result.output
+    rows = {row["controller"]: row for row in Results.load(tmp_path / "reports" / "mine").rows}
+    assert rows["damped"]["status"] == "ok"
+    assert rows["damped"]["work_J"] != rows["servo law"]["work_J"]
+    assert not (tmp_path / "__pycache__").exists()
+    # Not without permission, as the text says.
+    refused = CliRunner().invoke(app, [item for item in command if item != "--allow-code"])
+    assert refused.exit_code == 2
+    assert "--allow-code" in refused.stderr
 
 
 def test_files_that_it_names_exist() -> None:

@@ -1,4 +1,4 @@
-"""The house: imports go downwards only, modules stay small, start-up stays light, and nothing names its maker's machine."""
+"""The house: imports go downwards only, modules stay small, start-up stays light."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ LAYERS = (
     ("errors", "checks", "numeric"),
     ("model", "motion", "trajectory"),
     ("control", "task"),
-    ("objectives",),
+    ("objectives", "allocation"),
     ("laws", "optimal", "referee"),
     ("players",),
     ("experiment",),

@@ -13,7 +13,8 @@ from typing import Any
 
 import occ
 from occ.experiment.naming import compact, slug
-from occ.experiment.schema import ExperimentFile
+from occ.experiment.own_code import OwnClass
+from occ.experiment.schema import ExperimentFile, experiment_model
 from occ.task import Player, Task
 
 NUMERICS = ("casadi", "numpy", "scipy")
@@ -30,11 +31,13 @@ class Case:
         name: unique in its experiment, ``base`` where nothing is swept.
         sweep: value of each swept key, as in the file.
         tables: platform, point, motion, start, horizon, limits and controller with all defaults filled in.
+        own_classes: of the user's own files, which may be loaded, here and in worker processes.
     """
 
     name: str
     sweep: Mapping[str, Any]
     tables: Mapping[str, Any]
+    own_classes: tuple[OwnClass, ...] = ()
 
     @property
     def swept(self) -> dict[str, Any]:
@@ -53,17 +56,29 @@ class Case:
 
     @property
     def key(self) -> str:
-        """sha256 of the tables and of the code that turns them into numbers."""
-        content = {"tables": dict(self.tables), "code": code_fingerprint()}
+        """sha256 of the tables and of the code that turns them into numbers, the user's own files included."""
+        content = {"tables": dict(self.tables), "code": code_fingerprint(), "own_code": self.own_code}
         return hashlib.sha256(json.dumps(content, sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+    @property
+    def own_code(self) -> dict[str, str]:
+        """sha256 of the user's own file behind each kind that names one."""
+        return {item.kind: item.sha256 for item in self.own_classes}
 
     def task(self) -> Task:
         """The task of all controllers of this case."""
-        return ExperimentFile.model_validate(self.tables).task()
+        return self._file().task()
 
     def players(self) -> dict[str, Player]:
-        """The controllers by name, in the order of the file."""
-        return ExperimentFile.model_validate(self.tables).players()
+        """The controllers by name, in the order of the file.
+
+        Raises:
+            InputError: a file of the user's own is not the one any more that was checked.
+        """
+        return self._file().players()
+
+    def _file(self) -> ExperimentFile:
+        return experiment_model(tuple(item.table() for item in self.own_classes)).model_validate(self.tables)
 
 
 @cache

@@ -39,7 +39,7 @@ def summary(cls: type) -> str:
 
 def key_texts(cls: type) -> list[KeyText]:
     """Name, meaning and default of each field of a dataclass, from its `Args:` section and the fields' metadata."""
-    described = _arguments(cls)
+    described = argument_texts(cls)
     texts = []
     for field in dataclasses.fields(cls):
         required = field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
@@ -52,7 +52,7 @@ def key_texts(cls: type) -> list[KeyText]:
     return texts
 
 
-def _arguments(cls: type) -> dict[str, str]:
+def argument_texts(cls: type) -> dict[str, str]:
     """Meaning of each argument in the docstring's `Args:` section, continuation lines joined."""
     section = re.search(r"^Args:\n((?:[ ]+.*\n?|\n)*)", inspect.cleandoc(cls.__doc__ or "") + "\n", re.MULTILINE)
     found: dict[str, str] = {}

@@ -24,11 +24,10 @@ from occ.experiment.mistakes import (
     describe,
     dotted,
     find_mistakes,
-    nearest,
     shown,
-    suggestion,
 )
-from occ.experiment.naming import case_name, compact
+from occ.experiment.naming import case_name, compact, nearest, suggestion
+from occ.experiment.own_code import OwnClass, OwnCode
 from occ.experiment.schema import MOST_CASES, ExperimentFile, RangeTable, Sweep
 
 SWEEPABLE = ("platform", "point", "motion", "start", "horizon", "limits", "controller")
@@ -55,12 +54,13 @@ class Experiment:
     tables: dict[str, Any]
 
 
-def load_experiment(path: Path, overrides: Sequence[str] = ()) -> Experiment:
+def load_experiment(path: Path, overrides: Sequence[str] = (), allow_code: bool = False) -> Experiment:
     """Read, override, expand and validate an experiment file.
 
     Args:
         path: of the TOML file.
         overrides: ``KEY=VALUE`` as after `--set`.
+        allow_code: whether controllers may come from files of the user's own, which are loaded, that is, run.
 
     Returns:
         The experiment with all its cases.
@@ -85,7 +85,7 @@ def load_experiment(path: Path, overrides: Sequence[str] = ()) -> Experiment:
     if count > MOST_CASES:
         mistakes.append(Mistake(("sweep",), f"too many cases ({count}); should be at most {MOST_CASES}"))
         sweep = {}
-    cases, found = _expand(data, sweep)
+    cases, found = _expand(data, sweep, OwnCode(path.parent, allow_code))
     bad = {place[1] for place in (mistake.place for mistake in mistakes) if len(place) > 1}
     # A table that only a faulty entry of the sweep would have supplied is not missing.
     mistakes += [mistake for mistake in found if not any(_overlap(_key(mistake.place), str(key)) for key in bad)]
@@ -275,7 +275,7 @@ def _spaced(table: RangeTable, entry: dict[str, Any]) -> Iterator[float]:
 
 
 def _expand(
-    data: dict[str, Any], sweep: dict[str, list[Any]]
+    data: dict[str, Any], sweep: dict[str, list[Any]], code: OwnCode
 ) -> tuple[list[tuple[ExperimentFile, Case]], list[Mistake]]:
     """Every case of the sweep, validated like a file without a sweep."""
     cases: list[tuple[ExperimentFile, Case]] = []
@@ -289,19 +289,19 @@ def _expand(
                 assign(own, key, copy.deepcopy(value))
             except InputError as error:
                 unassigned.append(Mistake(("sweep", key), str(error)))
-        file, mistakes = find_mistakes(own)
+        file, classes, mistakes = find_mistakes(own, code)
         for mistake in [*unassigned, *mistakes]:
             found.setdefault(mistake, []).append(swept)
         if file is not None and not unassigned:
-            cases.append((file, _case(file, swept)))
+            cases.append((file, _case(file, classes, swept)))
     total = math.prod(len(values) for values in sweep.values())
     return cases, [_placed(mistake, swepts, sweep, total, data) for mistake, swepts in found.items()]
 
 
-def _case(file: ExperimentFile, swept: dict[str, Any]) -> Case:
+def _case(file: ExperimentFile, classes: tuple[OwnClass, ...], swept: dict[str, Any]) -> Case:
     tables = file.model_dump(mode="json", include=set(SWEEPABLE), exclude_none=True)
     resolved = {key: value if isinstance(value, dict) else _value_at(tables, key) for key, value in swept.items()}
-    return Case(case_name(resolved), resolved, tables)
+    return Case(case_name(resolved), resolved, tables, classes)
 
 
 def _value_at(tables: dict[str, Any], key: str) -> Any:

@@ -6,17 +6,17 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from difflib import get_close_matches
-from typing import Any
+from functools import cache
+from typing import Any, get_args
 
 from pydantic import TypeAdapter, ValidationError
 from pydantic_core import ErrorDetails
 
 from occ.errors import InputError
-from occ.experiment.naming import slug
+from occ.experiment.naming import nearest, slug, suggestion
+from occ.experiment.own_code import OwnClass, OwnCode, check_player, is_own
 from occ.experiment.schema import (
     NAME_CHARACTERS,
-    ControllerTable,
     DataTable,
     ExperimentFile,
     HorizonTable,
@@ -26,6 +26,7 @@ from occ.experiment.schema import (
     PointTable,
     StartTable,
     Table,
+    experiment_model,
     models_in,
 )
 from occ.laws.base import PathKeepingLaw
@@ -48,7 +49,6 @@ _ADAPTERS: dict[str, TypeAdapter[DataTable]] = {
         "limits": LimitsTable,
     }.items()
 }
-_CONTROLLER: TypeAdapter[DataTable] = TypeAdapter(ControllerTable)
 
 
 class ExperimentError(InputError):
@@ -79,21 +79,44 @@ class Mistake:
     text: str
 
 
-def find_mistakes(data: dict[str, Any]) -> tuple[ExperimentFile | None, list[Mistake]]:
+def find_mistakes(
+    data: dict[str, Any], code: OwnCode
+) -> tuple[ExperimentFile | None, tuple[OwnClass, ...], list[Mistake]]:
     """Validate the tables of one case.
 
     Args:
         data: as read from TOML, without a sweep.
+        code: where kinds that are classes of the user's own are looked up.
 
     Returns:
-        The validated tables, None where there is a mistake, and all mistakes.
+        The validated tables, None where there is a mistake, the user's own classes in them, and all mistakes.
     """
+    own, mistakes = _own_classes(data, code)
+    model = experiment_model(tuple(item.table() for item in own))
+    # A kind that could not be loaded is no valid one either; that is said once.
+    said = {mistake.place for mistake in mistakes}
     try:
-        file, mistakes = ExperimentFile.model_validate(data), []
+        file = model.model_validate(data)
     except ValidationError as error:
-        file, mistakes = None, describe(error, data)
-    mistakes += _contradictions(data, file)
-    return (None if mistakes else file), mistakes
+        file = None
+        mistakes += [mistake for mistake in describe(error, data, model) if mistake.place not in said]
+    mistakes += _contradictions(data, file, model)
+    return (None if mistakes else file), own, mistakes
+
+
+def _own_classes(data: dict[str, Any], code: OwnCode) -> tuple[tuple[OwnClass, ...], list[Mistake]]:
+    """The classes of the user's own that the controllers name, each once, and what is wrong with their files."""
+    own: dict[str, OwnClass] = {}
+    mistakes: list[Mistake] = []
+    controllers = data.get("controller")
+    for i, table in enumerate(controllers if isinstance(controllers, list) else ()):
+        kind = table.get("kind") if isinstance(table, dict) else None
+        if isinstance(kind, str) and is_own(kind):
+            try:
+                own[kind] = code.find(kind)
+            except InputError as error:
+                mistakes.append(Mistake(("controller", i, "kind"), str(error)))
+    return tuple(own.values()), mistakes
 
 
 def describe(error: ValidationError, data: Any, model: type[Table] = ExperimentFile) -> list[Mistake]:
@@ -123,16 +146,6 @@ def describe(error: ValidationError, data: Any, model: type[Table] = ExperimentF
         else:
             mistakes.append(Mistake(place, _text(items, model)))
     return [mistake for mistake in mistakes if mistake.place not in missing & misspelt]
-
-
-def nearest(name: Any, valid: list[str]) -> str | None:
-    """The valid name that is nearest to a misspelt one, or None."""
-    return next(iter(get_close_matches(str(name), valid, 1)), None)
-
-
-def suggestion(near: str | None, valid: list[str]) -> str:
-    """The words that follow the semicolon after an unknown name."""
-    return f'did you mean "{near}"?' if near else f"valid: {', '.join(valid)}"
 
 
 def shown(value: Any) -> str:
@@ -209,6 +222,7 @@ _WANTED = {
     "int_type": "a whole number",
     "finite_number": "a finite number",
     "string_type": "a text in quotes",
+    "bool_type": "true or false",
     "tuple_type": "a list in square brackets",
     "list_type": "a list in square brackets",
     "dict_type": "a table",
@@ -216,6 +230,7 @@ _WANTED = {
     "model_attributes_type": "a table",
     "greater_than": "greater than {gt:g}",
     "greater_than_equal": "at least {ge:g}",
+    "less_than": "less than {lt:g}",
     "less_than_equal": "at most {le:g}",
     "too_short": "a list of at least {min_length}",
     "too_long": "a list of at most {max_length}",
@@ -259,7 +274,7 @@ def _wanted(item: ErrorDetails) -> str:
     if item["type"] == "literal_error":
         return " or ".join(f'"{name}"' for name in _quoted(item["ctx"]["expected"]))
     form = _WANTED.get(item["type"])
-    return form.format(**item.get("ctx", {})) if form else item["msg"]
+    return form.format(**item.get("ctx", {})) if form else re.sub(r"^\w+ should ", "", item["msg"]).removeprefix("be ")
 
 
 def _unknown_name(value: Any, valid: list[str]) -> str:
@@ -271,7 +286,9 @@ def _quoted(expected: str) -> list[str]:
     return re.findall(r"'([^']*)'", expected)
 
 
-def _contradictions(data: dict[str, Any], file: ExperimentFile | None) -> Iterator[Mistake]:
+def _contradictions(
+    data: dict[str, Any], file: ExperimentFile | None, model: type[ExperimentFile]
+) -> Iterator[Mistake]:
     """Mistakes that are only visible between tables; a table that is wrong by itself hides none of the others'."""
     names = _controller_names(data)
     for i, name in names.items():
@@ -287,11 +304,15 @@ def _contradictions(data: dict[str, Any], file: ExperimentFile | None) -> Iterat
         except InputError as error:
             yield Mistake(("horizon", "laps"), str(error))
     if motion:
-        yield from _unplayable(data, file, parts, duration)
+        yield from _unplayable(data, file, model, parts, duration)
 
 
 def _unplayable(
-    data: dict[str, Any], file: ExperimentFile | None, parts: dict[str, Any], duration: float | None
+    data: dict[str, Any],
+    file: ExperimentFile | None,
+    model: type[ExperimentFile],
+    parts: dict[str, Any],
+    duration: float | None,
 ) -> Iterator[Mistake]:
     """Controllers that cannot do this task."""
     point = parts["point"]
@@ -305,14 +326,22 @@ def _unplayable(
         limits=parts["limits"] or Limits(),
     )
     controllers = data.get("controller")
+    controller = _controller_adapter(model)
     for i, table in enumerate(controllers if isinstance(controllers, list) else ()):
-        player = file.controller[i].build() if file else _built(_CONTROLLER, table)
+        player = file.controller[i].build() if file else _built(controller, table)
         # Without a horizon only what does not depend on it can be checked.
         if player is not None and (duration or isinstance(player, PathKeepingLaw)):
             try:
-                player.check(task)
+                check_player(player, task)
             except InputError as error:
                 yield Mistake(("controller", i), re.sub(r"^\w+: ", "", str(error)))
+
+
+@cache
+def _controller_adapter(model: type[ExperimentFile]) -> TypeAdapter[DataTable]:
+    """For a single controller's table."""
+    (table,) = get_args(model.model_fields["controller"].annotation)
+    return TypeAdapter(table)
 
 
 def _part(name: str, data: dict[str, Any], file: ExperimentFile | None) -> Any:

@@ -1,9 +1,10 @@
-"""Names of cases, as people read them and as folders and files can carry them."""
+"""Names of cases, as people read them and as folders and files can carry them, and names that were misspelt."""
 
 from __future__ import annotations
 
 import hashlib
 import re
+from difflib import get_close_matches
 from typing import Any
 
 BASE = "base"
@@ -56,3 +57,13 @@ def case_name(swept: dict[str, Any]) -> str:
         else:
             parts.append(f"{key}={compact(value)}")
     return ",".join(parts) or BASE
+
+
+def nearest(name: Any, valid: list[str]) -> str | None:
+    """The valid name that is nearest to a misspelt one, or None."""
+    return next(iter(get_close_matches(str(name), valid, 1)), None)
+
+
+def suggestion(near: str | None, valid: list[str]) -> str:
+    """The words that follow the semicolon after an unknown name."""
+    return f'did you mean "{near}"?' if near else f"valid: {', '.join(valid)}"

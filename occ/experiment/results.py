@@ -147,6 +147,7 @@ def _case_record(case: Case, outcome: Sequence[Row]) -> dict[str, Any]:
         "key": case.key,
         "swept": case.swept,
         "tables": dict(case.tables),
+        **({"own_code": case.own_code} if case.own_code else {}),
         "controllers": {
             row["controller"]: {name: row[name] for name in ("statistics", "solve_time_s", "judge_time_s")}
             | {"trajectory": row["trajectory"]["path"] if row["trajectory"] else None}

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import sys
 import time
 from collections.abc import Callable, Generator, Sequence
-from contextlib import closing
+from contextlib import closing, redirect_stdout
 from datetime import UTC, datetime
 from functools import partial
 from importlib.metadata import version
@@ -115,10 +116,13 @@ def _row(case: Case, task: Task, name: str, player: Player, out: Path) -> Row:
     dataset = None
     statistics: dict[str, Any] = {}
     try:
-        solution = player.solve(task)
-        solved = time.perf_counter()
-        statistics = solution.statistics
-        verdict = examine(task, solution)
+        # What a player prints is not part of the answer, which may be read by a program.
+        with redirect_stdout(sys.stderr):
+            solution = player.solve(task)
+            solved = time.perf_counter()
+            verdict = examine(task, solution)
+        # Anything may have been returned; the verdict tells.
+        statistics = getattr(solution, "statistics", {})
         record = verdict.record
         if verdict.replay is not None:
             dataset = motion_dataset(task, verdict, _attributes(case, name))

@@ -10,7 +10,7 @@ import dataclasses
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import reduce
+from functools import cache, reduce
 from operator import or_
 from types import UnionType
 from typing import (
@@ -44,6 +44,8 @@ from occ.task import LONGEST_HORIZON, Limits, Player, Start, Task
 MOST_CASES = 100_000
 """More cases than this are taken for a mistake."""
 NAME_CHARACTERS = r"[A-Za-z0-9 ._+-]+"
+OWN_KIND = r"^.*[^/\\]\.py:[A-Za-z_][A-Za-z0-9_]*$"
+"""The kind of a controller whose class is in a file of the user's own."""
 
 
 class Table(BaseModel):
@@ -71,14 +73,14 @@ class DataTable(Table):
             InputError: numbers that do not fit each other.
         """
         names = [field.name for field in dataclasses.fields(self.stands_for)]
-        return self.stands_for(**{name: _built(getattr(self, name)) for name in names})
+        return self.stands_for(**{name: built(getattr(self, name)) for name in names})
 
 
-def _built(value: Any) -> Any:
+def built(value: Any) -> Any:
     """A key's value with the tables inside it as what they stand for."""
     if isinstance(value, DataTable):
         return value.build()
-    return tuple(_built(item) for item in value) if isinstance(value, tuple) else value
+    return tuple(built(item) for item in value) if isinstance(value, tuple) else value
 
 
 class PlatformPreset(DataTable):
@@ -119,30 +121,46 @@ def table_model(
         options: dict[str, Any] = {"description": texts[field.name] or None}
         if field.default is None:
             options["json_schema_extra"] = lambda schema: schema.pop("default")
-        if field.default is not dataclasses.MISSING:
+        default: Any = field.default
+        if _is_option(type(default)):
+            given = {key: value for key, value in dataclasses.asdict(default).items() if value is not None}
+            options["default"] = _option_table(default.__class__).model_validate({"kind": default.kind} | given)
+        elif field.default is not dataclasses.MISSING:
             options["default"] = field.default
         elif field.default_factory is not dataclasses.MISSING:
             options["default_factory"] = field.default_factory
-        keys[field.name] = (_toml_hint(hints[field.name]), Field(**options))
+        keys[field.name] = (toml_hint(hints[field.name]), Field(**options))
     model = create_model(cls.__name__, __base__=base, __doc__=summary(cls), **keys)
     model.stands_for = cls
     model.tag = tag[1] if tag else ""
     return model
 
 
-def _toml_hint(hint: Any) -> Any:
+def toml_hint(hint: Any) -> Any:
     """A field's annotation as TOML can meet it: tuples are written as lists, dataclasses as tables, None not at all."""
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
-        return table_model(hint)
+        return _option_table(hint) if _is_option(hint) else table_model(hint)
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is Annotated:
-        return Annotated[(_toml_hint(arguments[0]), *arguments[1:])]
+        return Annotated[(toml_hint(arguments[0]), *arguments[1:])]
     if origin is tuple:
-        items = tuple(item if item is Ellipsis else _toml_hint(item) for item in arguments)
+        items = tuple(item if item is Ellipsis else toml_hint(item) for item in arguments)
         return Annotated[tuple.__class_getitem__(items), Strict(False)]
     if origin in (Union, UnionType):
-        return reduce(or_, (_toml_hint(item) for item in arguments if item is not type(None)))
+        members = [toml_hint(item) for item in arguments if item is not type(None)]
+        return _one_of(members, "kind") if all(map(_is_option, arguments)) else reduce(or_, members)
     return hint
+
+
+def _is_option(hint: Any) -> bool:
+    """Whether a field's type is a dataclass with a kind: an option that is written as a table inside the table."""
+    return isinstance(hint, type) and dataclasses.is_dataclass(hint) and hasattr(hint, "kind")
+
+
+@cache
+def _option_table(cls: Any) -> type[DataTable]:
+    """The model of an option, the same wherever the option appears."""
+    return table_model(cls, tag=("kind", cls.kind))
 
 
 def _one_of(models: Iterable[type[DataTable]], key: str) -> Any:
@@ -244,6 +262,7 @@ if TYPE_CHECKING:
     StartTable: TypeAlias = DataTable
     HorizonTable: TypeAlias = DataTable
     LimitsTable: TypeAlias = DataTable
+    CONTROLLERS: tuple[type[DataTable], ...]
     ControllerTable: TypeAlias = DataTable
     ObjectiveName: TypeAlias = str
 else:
@@ -255,9 +274,8 @@ else:
     StartTable = table_model(Start)
     HorizonTable = table_model(Horizon, ExactlyOneKey)
     LimitsTable = table_model(Limits)
-    ControllerTable = _one_of(
-        (table_model(cls, tag=("kind", cls.kind), name=(ControllerName, ...)) for cls in PLAYERS), "kind"
-    )
+    CONTROLLERS = tuple(table_model(cls, tag=("kind", cls.kind), name=(ControllerName, ...)) for cls in PLAYERS)
+    ControllerTable = _one_of(CONTROLLERS, "kind")
     ObjectiveName = Literal[tuple(OBJECTIVES)]
 
 
@@ -328,6 +346,22 @@ class ExperimentFile(Sweep):
         return {getattr(table, "name"): table.build() for table in self.controller}  # noqa: B009  (made by table_model)
 
 
+@cache
+def experiment_model(own: tuple[type[DataTable], ...] = ()) -> type[ExperimentFile]:
+    """The model of experiment files that name controllers of the user's own, too.
+
+    Args:
+        own: tables of those controllers.
+
+    Returns:
+        `ExperimentFile` itself where there are none.
+    """
+    if not own:
+        return ExperimentFile
+    table: Any = _one_of((*CONTROLLERS, *own), "kind")
+    return create_model("ExperimentFile", __base__=ExperimentFile, controller=(Annotated[list[table], MinLen(1)], ...))
+
+
 def models_in(annotation: Any) -> list[type[Table]]:
     """The models that a key's annotation is made of."""
     if isinstance(annotation, type) and issubclass(annotation, Table):
@@ -338,7 +372,20 @@ def models_in(annotation: Any) -> list[type[Table]]:
 def json_schema() -> dict[str, Any]:
     """The JSON Schema (draft 2020-12) of experiment files."""
     schema = ExperimentFile.model_json_schema()
+    schema["$defs"]["OwnController"] = _own_controller_schema(schema["$defs"]["ServoLaw"]["properties"]["name"])
+    schema["properties"]["controller"]["items"]["oneOf"].append({"$ref": "#/$defs/OwnController"})
     # A sweep may supply a whole table, so that only a file without one must have them all.
     tables = [name for name in schema["required"] if name != "controller"]
     schema |= {"required": ["controller"], "anyOf": [{"required": ["sweep"]}, {"required": tables}]}
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _own_controller_schema(name: dict[str, Any]) -> dict[str, Any]:
+    """A controller of the user's own, whose further keys only its file knows."""
+    kind = {"type": "string", "pattern": OWN_KIND, "description": "path/to/file.py:ClassName, beside the experiment"}
+    return {
+        "type": "object",
+        "description": "A controller from a file of your own, loaded only with --allow-code; its fields are the keys.",
+        "properties": {"kind": kind, "name": name},
+        "required": ["kind", "name"],
+    }

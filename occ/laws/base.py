@@ -15,9 +15,10 @@ from typing import ClassVar, Self
 import casadi as ca
 import numpy as np
 
+from occ.allocation import AllocationOption, MinNorm
 from occ.checks import check_fields
 from occ.control import SymbolicControl
-from occ.errors import Status
+from occ.errors import InputError, Status
 from occ.model.coefficients import Coefficients, packed_size, unpack
 from occ.model.constraint import OnProgram, PathSymbols, path_functions
 from occ.motion import ProgramMotion, kinematics_function
@@ -28,6 +29,7 @@ from occ.trajectory import Trajectory
 LARGEST_YAW_RATE = 1e4
 """[rad/s] A yaw rate beyond this is reported as unstable."""
 SAMPLES_PER_SECOND = 40
+MIN_NORM = MinNorm()
 
 
 @dataclass(frozen=True)
@@ -57,13 +59,17 @@ class Moment:
 
 @dataclass(frozen=True, kw_only=True)
 class PathKeepingLaw(ABC):
-    """pi' = C Omega + V*, eq. (3.7), with Omega' chosen by the law and minimum-norm wheel torques.
+    """pi' = C Omega + V*, eq. (3.7), with Omega' chosen by the law; the wrench follows, and its share of each wheel.
 
     V_X and V_Y are reconstructed from heading and yaw rate by eq. (3.6); they are not measured.
+
+    Args:
+        allocation: how the wrench is shared among the wheels; the motion is the same for every choice.
     """
 
     kind: ClassVar[str]
     start_class: ClassVar[StartClass] = "given"
+    allocation: AllocationOption = MIN_NORM
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -76,6 +82,14 @@ class PathKeepingLaw(ABC):
         """Heading and yaw rate with which the law starts; the task's unless the law has its own."""
         return task.start
 
+    def check(self, task: Task) -> None:
+        """Refuse a task on which the law has no start.
+
+        Raises:
+            InputError: what is wrong and what would be right.
+        """
+        self.start(task)
+
     def solve(self, task: Task) -> Solution:
         """Integrate the law's yaw equation and return its torques as feedback of (t, heading, yaw rate).
 
@@ -83,23 +97,29 @@ class PathKeepingLaw(ABC):
             task: what to do.
 
         Returns:
-            Solution of keep class ``path`` and free end.
+            Solution of keep class ``path`` and free end; ``INFEASIBLE`` where the allocation holds the task's limits
+            and cannot on the law's own motion.
         """
         _, torque = _law_functions(self, task.platform.wheel_count, *task.motion_structure)
         begin = self.start(task)
         claim = Claim(start=self.start_class)
         first = task.state_on_program(0.0, begin.heading, begin.heading_rate)
-        control = SymbolicControl(torque, task.path_data)
+        control = SymbolicControl(torque, task.path_data, knots=task.motion.knots(task.duration))
         t = np.linspace(0.0, task.duration, max(201, 1 + int(SAMPLES_PER_SECOND * min(task.duration, 1e3))))
-        motion, reason = law_motion(self, task, t, tolerance=1e-11)
+        motion, reason = yaw_motion(self, task, tolerance=1e-11)
         if motion is None:
             return Solution(control=control, start_state=first, claim=claim, status=Status.UNSTABLE, message=reason)
-        heading, yaw_rate, acceleration = motion
+        realised = self.allocation.realise(
+            task, control, lambda times: task.states_on_program(times, *motion(times)[:2]), t
+        )
         return Solution(
-            control=control,
+            control=realised.control,
             start_state=first,
             claim=claim,
-            claimed=path_trajectory(task, t, heading, yaw_rate, acceleration),
+            claimed=path_trajectory(task, t, *motion(t)),
+            status=realised.status,
+            message=realised.message,
+            statistics=realised.statistics,
         )
 
 
@@ -140,7 +160,13 @@ def _law_functions(
         matrices=unpack(symbols.coefficients, wheel_count),
         on_program=symbols.on_program(),
     )
-    chosen = ca.SX(law.yaw_acceleration(moment))
+    value = law.yaw_acceleration(moment)
+    try:
+        chosen = ca.SX(value)
+    except NotImplementedError as error:
+        raise InputError(f"yaw_acceleration gives {value!r}; should be a number or a CasADi expression") from error
+    if chosen.shape != (1, 1):
+        raise InputError(f"yaw_acceleration has the shape {chosen.shape}; should be one expression in rad/s^2")
     torque = path_functions(wheel_count)["torque"](*symbols, chosen, ca.SX.zeros(wheel_count - 3))
     heading, yaw_rate = ca.SX.sym("heading"), ca.SX.sym("yaw_rate")
     reduced = ca.substitute(chosen, path.state, ca.vertcat(0, 0, heading, 0, 0, yaw_rate))
@@ -183,53 +209,53 @@ def law_motion(law: PathKeepingLaw, task: Task, t: np.ndarray, tolerance: float)
     Returns:
         (3, N) and an empty reason, or None and the reason.
     """
-    yaw, _ = _law_functions(law, task.platform.wheel_count, *task.motion_structure)
-    return integrate_yaw(yaw, task.path_data, law.start(task), t, tolerance)
+    motion, reason = yaw_motion(law, task, tolerance)
+    return (None if motion is None else motion(t)), reason
 
 
-def integrate_yaw(
-    yaw: ca.Function, data: np.ndarray, start: Start, t: np.ndarray, tolerance: float
-) -> tuple[np.ndarray | None, str]:
+def yaw_motion(
+    law: PathKeepingLaw, task: Task, tolerance: float
+) -> tuple[Callable[[np.ndarray], np.ndarray] | None, str]:
     """psi' = Omega, Omega' = yaw(t, psi, Omega), integrated by an explicit Runge-Kutta method of order 8.
 
     Args:
-        yaw: CasADi function (t, heading, yaw_rate, data) -> Omega'.
-        data: (d,) numbers of the task.
-        start: psi(0), Omega(0).
-        t: (N,) [s] where to report.
+        law: whose yaw equation is integrated.
+        task: platform, motion and start.
         tolerance: relative and absolute, of the integrator.
 
     Returns:
-        (3, N) heading, yaw rate, yaw acceleration, or None with the reason.
+        The motion t (N,) [s] -> (3, N) heading, yaw rate, yaw acceleration and an empty reason, or None and the reason.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.5 (DOP853).
     """
     from scipy.integrate import solve_ivp
 
-    rate = yaw_rate_function(yaw, data)
+    yaw, _ = _law_functions(law, task.platform.wheel_count, *task.motion_structure)
+    start = law.start(task)
 
     def escaped(_: float, y: np.ndarray) -> float:
         return LARGEST_YAW_RATE - abs(float(y[1]))
 
     escaped.terminal = True  # type: ignore[attr-defined]
     result = solve_ivp(
-        rate,
-        (0.0, t[-1]),
+        yaw_rate_function(yaw, task.path_data),
+        (0.0, task.duration),
         [start.heading, start.heading_rate],
         method="DOP853",
-        t_eval=t,
+        dense_output=True,
         rtol=tolerance,
         atol=tolerance,
         events=escaped,
     )
     if result.status != 0 or not np.all(np.isfinite(result.y)):
-        return (
-            None,
-            f"the yaw rate passes {LARGEST_YAW_RATE:g} rad/s at t = {result.t[-1] if len(result.t) else 0:.4g} s",
-        )
-    heading, omega = result.y
-    (acceleration,) = evaluate_many(yaw, t[None, :], heading[None, :], omega[None, :], data, shared=(3,))
-    return np.vstack([heading, omega, acceleration]), ""
+        return None, f"the yaw rate passes {LARGEST_YAW_RATE:g} rad/s at t = {result.t[-1]:.4g} s"
+
+    def motion(t: np.ndarray) -> np.ndarray:
+        heading, omega = result.sol(t)
+        (acceleration,) = evaluate_many(yaw, t[None, :], heading[None, :], omega[None, :], task.path_data, shared=(3,))
+        return np.vstack([heading, omega, acceleration])
+
+    return motion, ""
 
 
 def yaw_rate_function(yaw: ca.Function, data: np.ndarray) -> Callable[[float, np.ndarray], np.ndarray]:

@@ -15,6 +15,9 @@ from occ.model.constraint import servo_yaw_acceleration
 class ServoLaw(PathKeepingLaw):
     """Pi_C = B^T lambda, eq. (3.5): the yaw motion is inertial, C^T (A pi'' + f + Z pi') = 0, eq. (3.8).
 
+    Args:
+        allocation: of the wrench to the wheels: { kind = "min_norm" }, or { kind = "box_qp" } within limits.torque.
+
     Source: paper, eqs. (3.2)-(3.13), for any program motion.
     """
 

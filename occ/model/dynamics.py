@@ -51,10 +51,10 @@ def parametric_functions(wheel_count: int) -> dict[str, ca.Function]:
     table: dict[str, tuple[list[ca.SX], list[str], ca.SX, str]] = {
         "wheel_rates": ([state, p], ["state", "parameters"], wheel_rates, "wheel_rates"),
         "roller_rates": ([state, p], ["state", "parameters"], roller_rates, "roller_rates"),
-        "inertia_matrix": ([p], ["parameters"], inertia, "inertia"),
+        "inertia_matrix": ([state, p], ["state", "parameters"], inertia, "inertia"),
         "gyroscopic": ([state, p], ["state", "parameters"], gyroscopic, "wrench"),
         "friction": ([state, p], ["state", "parameters"], friction_force, "wrench"),
-        "input_map": ([p], ["parameters"], rates.T, "map"),
+        "input_map": ([state, p], ["state", "parameters"], rates.T, "map"),
         "forward": (
             [state, torque, p],
             ["state", "torque", "parameters"],
@@ -93,10 +93,10 @@ class Dynamics:
     ================ ============================== =============================================
     wheel_rates      state (6,)                     phi' (n,) [rad/s], eq. (2.4)
     roller_rates     state (6,)                     gamma' (n,) [rad/s], eq. (2.4)
-    inertia_matrix                                  A (3, 3) [kg, kg m, kg m^2], eq. (2.16)
+    inertia_matrix   state (6,)                     A (3, 3) [kg, kg m, kg m^2], eq. (2.16)
     gyroscopic       state (6,)                     f (3,) [N, N, N m], eq. (2.16)
     friction         state (6,)                     Pi_F (3,) [N, N, N m], eq. (2.11)
-    input_map                                       C_phi^T (3, n), eq. (2.12)
+    input_map        state (6,)                     C_phi^T (3, n), eq. (2.12)
     forward          state (6,), torque (n,) [N m]  d(state)/dt (6,)
     inverse          state (6,), acceleration (3,)  Pi_C (3,) [N, N, N m], eqs. (2.13)-(2.15)
     min_norm_torque  wrench (3,)                    M (n,) [N m], after eq. (3.13)
@@ -104,6 +104,9 @@ class Dynamics:
     power            state (6,), torque (n,)        sum of the wheels' powers [W]
     kinetic_energy   state (6,)                     T [J]
     ================ ============================== =============================================
+
+    The inertia matrix and the input map do not depend on the state; they take it because CasADi returns something else
+    from a function without arguments.
 
     Args:
         platform: whose numbers are frozen into the functions.

@@ -16,6 +16,7 @@ from occ.laws.base import law_motion, open_loop_function, path_trajectory
 from occ.laws.servo import ServoLaw
 from occ.model.dynamics import friction_time
 from occ.objectives import OBJECTIVES
+from occ.optimal.limits import with_knots
 from occ.optimal.mesh import SchemeName, graded_mesh
 from occ.optimal.reduced import Ends
 from occ.optimal.search import MOST_INTERVALS, Attempt, Method, Search
@@ -119,10 +120,12 @@ class Collocation:
         return replace(best, statistics=best.statistics | {"windings": tried}) if len(tried) > 1 else best
 
     def first_mesh(self, task: Task) -> np.ndarray:
-        """(N + 1,) [s] Edges whose widths grow geometrically from the boundary layers at both ends."""
+        """(N + 1,) [s] Edges whose widths grow from the boundary layers at both ends, and the program's knots."""
         layer = SINGULAR_LAYER if OBJECTIVES[self.objective].rest is None else LAYER
         width = layer * friction_time(task.platform) / task.duration
-        return graded_mesh(self.intervals, width) * task.duration
+        mesh = graded_mesh(self.intervals, width) * task.duration
+        knots = task.motion.knots(task.duration)
+        return with_knots(mesh, knots) if knots.size else mesh
 
     def _windings(self, task: Task) -> list[int | None]:
         if self.end != "periodic":
@@ -143,8 +146,6 @@ class Collocation:
         search = Search(task, method, ends, turn)
         attempt, reason = search.run(self.first_mesh(task))
         if attempt.outcome.status is not Status.OK or reason:
-            if self.scheme == "legendre" and OBJECTIVES[self.objective].rest is None:
-                reason += "; the end of the horizon is no Legendre point, which lets the yaw rate jump there: use radau"
             status = attempt.outcome.status if attempt.outcome.status is not Status.OK else Status.FAILED
             return replace(failed, status=status, message=reason, statistics={"rounds": search.rounds})
         statistics = {"claimed_cost": attempt.outcome.cost, "rounds": search.rounds}
@@ -180,7 +181,7 @@ class Collocation:
         state, _, control = transcription.interpolate(nodes, np.append(s, 1.0))
         inner = [np.append(row[:, :-1].ravel(), row[-1, -1]) for row in (*state, control[0])]
         return Solution(
-            control=SymbolicControl(law, task.path_data, signal),
+            control=SymbolicControl(law, task.path_data, signal, task.motion.knots(task.duration)),
             start_state=task.state_on_program(0.0, *nodes.edges[:, 0]),
             claimed=path_trajectory(task, t, *inner),
             local_objective=self.objective,

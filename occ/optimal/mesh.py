@@ -7,7 +7,6 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-from scipy.special import roots_jacobi
 
 from occ.trajectory import lagrange_basis
 
@@ -55,6 +54,8 @@ def scheme(name: SchemeName, degree: int) -> Scheme:
     Source: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.5.
     """
     if name == "radau":
+        from scipy.special import roots_jacobi
+
         # P_d - P_{d-1} = (x - 1) P^(1,0)_{d-1} up to a factor.
         points = np.append((roots_jacobi(degree - 1, 1, 0)[0] + 1) / 2, 1.0)
     else:

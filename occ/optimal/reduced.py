@@ -15,6 +15,7 @@ from occ.laws.base import law_motion
 from occ.laws.servo import ServoLaw
 from occ.model.coefficients import coefficients, unpack
 from occ.model.constraint import PathSymbols, on_program
+from occ.model.dynamics import friction_time
 from occ.objectives import OBJECTIVES
 from occ.optimal.limits import NEEDS_NULL_TORQUE, limit_values
 from occ.optimal.mesh import SchemeName
@@ -35,7 +36,8 @@ def reduced_problem(wheel_count: int, objective: str, limits: tuple[str, ...] = 
         limits: names of the limited quantities; the null torques (n - 3,) are controls u_2.. where a limit sees them.
 
     Returns:
-        Problem with node data (r_B*', r_B*'') (4,) and parameters: packed matrices, point B, r_B*' at start and end;
+        Problem with node data (r_B*', r_B*'') (4,) and parameters: packed matrices, point B, r_B*' at start and end,
+        and the factor of u_1^2 that is added to the integrand (see `damping`);
         path conditions: the limited quantities of every wheel; boundary conditions: x(T) - x(0).
     """
     symbols = PathSymbols.create(wheel_count)
@@ -54,6 +56,7 @@ def reduced_problem(wheel_count: int, objective: str, limits: tuple[str, ...] = 
         integrand += chosen.rest(torque, rates)
     start, end = ca.SX.sym("start", 2), ca.SX.sym("end", 2)
     velocities = ca.SX.sym("end_velocities", 4)
+    damping = ca.SX.sym("damping")
     still = ca.SX.zeros(2)
     energies = [
         k.kinetic_energy(on_program(symbols.point, state[0], state[1], velocity, still).velocity)
@@ -63,15 +66,18 @@ def reduced_problem(wheel_count: int, objective: str, limits: tuple[str, ...] = 
         state=ca.vertcat(symbols.heading, symbols.yaw_rate),
         control=ca.vertcat(u, null),
         data=ca.vertcat(symbols.program_velocity, symbols.program_acceleration),
-        parameters=ca.vertcat(symbols.coefficients, symbols.point, velocities),
+        parameters=ca.vertcat(symbols.coefficients, symbols.point, velocities, damping),
         start=start,
         end=end,
         rate=ca.vertcat(symbols.yaw_rate, u),
-        integrand=integrand,
+        integrand=integrand + damping * u**2,
         terminal=chosen.work_share * (energies[1] - energies[0]),
         path=ca.vertcat(*(quantities[name] for name in limits)) if limits else ca.SX(0, 1),
         boundary=end - start,
     )
+
+
+DAMPING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -116,7 +122,30 @@ class Ends:
     difference: Bounds
 
 
-def numbers_of(task: Task, transcription: Transcription, edges: np.ndarray, ends: Ends) -> Numbers:
+def damping(task: Task, structure: Structure) -> float:
+    """c J_a tau [J s^3], the factor of u^2, where nothing else determines the control; 0 elsewhere.
+
+    A cost without curvature in the torque sees the yaw rate at the collocation points only.  With Radau points every
+    yaw rate is one; with Legendre points those at the edges are not, and the smallest cost of u^2 settles them.
+
+    Args:
+        task: for the scale.
+        structure: objective and scheme.
+
+    Returns:
+        The factor; c is so small that the cost changes by less than 1e-7 of its value.
+    """
+    if structure.scheme == "radau" or OBJECTIVES[structure.objective].rest is not None:
+        return 0.0
+    k = task.dynamics.coefficients
+    direction = np.array([task.point[1], -task.point[0], 1.0])
+    inertia = float(direction @ np.array(k.inertia) @ direction)
+    return DAMPING * inertia * min(friction_time(task.platform), task.duration)
+
+
+def numbers_of(
+    task: Task, transcription: Transcription, edges: np.ndarray, ends: Ends, damping: float = 0.0
+) -> Numbers:
     """The numbers of a task for a transcription, with the task's limits at the nodes.
 
     Args:
@@ -124,6 +153,7 @@ def numbers_of(task: Task, transcription: Transcription, edges: np.ndarray, ends
         transcription: of the reduced problem.
         edges: (N + 1,) [s].
         ends: bounds at both ends.
+        damping: factor of the yaw acceleration squared in the integrand.
 
     Returns:
         Numbers.
@@ -133,7 +163,7 @@ def numbers_of(task: Task, transcription: Transcription, edges: np.ndarray, ends
     return Numbers(
         edges=edges,
         data=program_data(task, transcription.node_times(edges)),
-        parameters=np.concatenate([coefficients(task.platform), task.point, velocities.ravel(order="F")]),
+        parameters=np.concatenate([coefficients(task.platform), task.point, velocities.ravel(order="F"), [damping]]),
         start=ends.start,
         end=ends.end,
         path=Bounds(lower=-limits, upper=limits),

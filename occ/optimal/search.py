@@ -18,7 +18,15 @@ from occ.optimal.limits import (
     with_knots,
 )
 from occ.optimal.mesh import SchemeName, bisect
-from occ.optimal.reduced import Ends, Structure, guess_from_law, numbers_of, program_data, reduced_transcription
+from occ.optimal.reduced import (
+    Ends,
+    Structure,
+    damping,
+    guess_from_law,
+    numbers_of,
+    program_data,
+    reduced_transcription,
+)
 from occ.optimal.transcription import Bounds, Nodes, Numbers, Outcome, SolverOptions, Transcription
 from occ.task import Task
 
@@ -139,7 +147,7 @@ class Search:
         wheels, method = self.task.platform.wheel_count, self.method
         structure = Structure(wheels, method.objective, len(edges) - 1, method.degree, method.scheme, limits)
         transcription = reduced_transcription(structure, SolverOptions())
-        numbers = numbers_of(self.task, transcription, edges, self.ends)
+        numbers = numbers_of(self.task, transcription, edges, self.ends, damping(self.task, structure))
         if path is not None:
             numbers = replace(numbers, path=path)
         if before is None:

@@ -6,6 +6,7 @@ It sees no player: a `Solution` is a control, a start and a claim, and each clai
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any, get_args
 
 import numpy as np
 
@@ -15,7 +16,8 @@ from occ.objectives import OBJECTIVES
 from occ.referee.record import Record
 from occ.referee.reference import servo_end_state
 from occ.referee.replay import Replay, ReplayError, ReplaySettings, Samples
-from occ.task import Solution, Task
+from occ.task import Claim, EndClass, Keep, Solution, StartClass, Task
+from occ.trajectory import Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +61,8 @@ def judge(task: Task, solution: Solution, tolerances: Tolerances | None = None) 
         tolerances: what the referee lets pass.
 
     Returns:
-        The row; its status is ``OK`` only if the solution is what it claims to be and holds the task's limits.
+        The row; its status is ``OK`` only if the solution is what it claims to be and holds the task's limits, and
+        ``CRASHED`` if it is not even a solution.
     """
     return examine(task, solution, tolerances).record
 
@@ -67,9 +70,12 @@ def judge(task: Task, solution: Solution, tolerances: Tolerances | None = None) 
 def examine(task: Task, solution: Solution, tolerances: Tolerances | None = None) -> Verdict:
     """`judge`, together with the true motion."""
     tolerances = tolerances or Tolerances()
+    malformed = _malformed(task, solution)
+    if malformed:
+        return Verdict(Record(status=Status.CRASHED, message=malformed, keep="", start="", end=""))
     claim = solution.claim
     record = Record(
-        status=solution.status,
+        status=Status(solution.status),
         message=solution.message,
         keep=claim.keep,
         start=claim.start,
@@ -89,6 +95,50 @@ def examine(task: Task, solution: Solution, tolerances: Tolerances | None = None
     status, message = _check(task, solution, measures, replay, samples, tolerances)
     record = replace(record, measures=measures, status=status, message=message or record.message)
     return Verdict(record, replay, samples)
+
+
+def _malformed(task: Task, solution: Any) -> str:
+    """Why what a player returned cannot be judged at all, or an empty text.
+
+    Without this a single torque would pass for all wheels, and a status that is a mere text for a verdict.
+    """
+    if not isinstance(solution, Solution):
+        return f"the player returned {_kind(solution)}, not a Solution"
+    claim: Any = solution.claim
+    claimed: Any = solution.claimed
+    if solution.status not in set(Status):
+        return f"the player returned the status {solution.status!r}, not one of {', '.join(Status)}"
+    if not isinstance(claim, Claim):
+        return f"the player returned {_kind(claim)} as its claim, not a Claim"
+    for part, options in (("keep", get_args(Keep)), ("start", get_args(StartClass)), ("end", get_args(EndClass))):
+        if getattr(claim, part) not in options:
+            return f"the player claims the {part} {getattr(claim, part)!r}, not one of {', '.join(options)}"
+    if not isinstance(claimed, Trajectory | None):
+        return f"the player returned {_kind(claimed)} as its claimed motion, not a Trajectory"
+    if solution.status != Status.OK or solution.control is None or solution.start_state is None:
+        return ""
+    try:
+        state = np.asarray(solution.start_state, dtype=float)
+    except (TypeError, ValueError):
+        return f"the player returned {_kind(solution.start_state)} as its start state, not 6 numbers"
+    if state.shape != (6,):
+        return f"the player returned a start state of the shape {state.shape}, not (6,)"
+    control, wheels = solution.control, task.platform.wheel_count
+    first = min((float(t) for t in control.knots if t > 0), default=task.duration)
+    one = control.segment(0.0, min(first, task.duration))(0.0, state)
+    two = control.torque(np.zeros(2), np.column_stack([state, state]))
+    for torque, shape in ((one, (wheels,)), (two, (wheels, 2))):
+        if np.shape(torque) != shape:
+            return f"the control gives {_kind(torque)} of the shape {np.shape(torque)} as torques, not of {shape}"
+        if np.asarray(torque).dtype.kind not in "fiu":
+            return f"the control gives torques of the type {np.asarray(torque).dtype}, not real numbers"
+    return ""
+
+
+def _kind(value: object) -> str:
+    """The value's type as a sentence says it."""
+    name = type(value).__name__
+    return "None" if value is None else f"{'an' if name[0] in 'aeiou' or name == 'ndarray' else 'a'} {name}"
 
 
 def measure(task: Task, solution: Solution, replay: Replay, samples: Samples) -> dict[str, float]:

@@ -53,7 +53,8 @@ def test_lists(occ: Occ) -> None:
         assert f"  {cls.kind}: " in everything  # type: ignore[union-attr]
     for name in OBJECTIVES:
         assert f"  {name} " in everything
-    (line,) = [line for line in everything.splitlines() if line.split()[:1] == ["yaw_inertia"]]
+    of_youbot = everything.split("  youbot")[1]
+    line = next(line for line in of_youbot.splitlines() if line.split()[:1] == ["yaw_inertia"])
     for word in (str(YouBot().yaw_inertia), "[kg m^2]", "I_s", "(2.17)"):
         assert word in line
 
@@ -127,8 +128,9 @@ def test_schema_describes_every_key(schema: dict[str, Any]) -> None:
 
 
 def test_schema_validates_files(schema: dict[str, Any]) -> None:
-    jsonschema = pytest.importorskip("jsonschema")
     import tomllib
+
+    import jsonschema
 
     jsonschema.Draft202012Validator.check_schema(schema)
     validator = jsonschema.Draft202012Validator(schema)

@@ -22,6 +22,7 @@ from occ.experiment.results import Results, plain
 from occ.experiment.run import run, solve_case
 from occ.laws import PrescribedRotation, ServoLaw
 from occ.referee import MEASURES, judge
+from occ.task import Start
 from tests.experiment import tiny
 from tests.experiment.conftest import Occ, Write
 
@@ -145,7 +146,7 @@ def test_control_that_cannot_be_judged_is_a_crashed_row(
     monkeypatch.setattr(PrescribedRotation, "solve", lambda *_: "not a solution")
     _, row = run(load_experiment(write()), tmp_path / "out").rows
     assert row["status"] == "crashed"
-    assert row["message"].startswith("AttributeError: ")
+    assert row["message"] == "the player returned a str, not a Solution"
 
 
 @pytest.mark.usefixtures("no_figures")
@@ -204,5 +205,11 @@ def test_interrupt_keeps_what_is_finished(write: Write, tmp_path: Path, workers:
 
 
 def test_plain_data_for_json() -> None:
-    value = {"a": np.float64(1.5), 2: np.arange(3), "n": np.nan, "t": (1, None, True), "o": ServoLaw()}
-    assert plain(value) == {"a": 1.5, "2": [0, 1, 2], "n": None, "t": [1, None, True], "o": "ServoLaw()"}
+    value = {"a": np.float64(1.5), 2: np.arange(3), "n": np.nan, "t": (1, None, True), "o": Start()}
+    assert plain(value) == {
+        "a": 1.5,
+        "2": [0, 1, 2],
+        "n": None,
+        "t": [1, None, True],
+        "o": "Start(heading=0.0, heading_rate=0.0)",
+    }

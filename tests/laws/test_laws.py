@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.linalg import expm
 
 from occ.errors import InputError, Status
 from occ.laws import LAWS, Moment, PathKeepingLaw, PrescribedRotation, ServoLaw
 from occ.model.platform import Platform
 from occ.motion import Line, ProgramMotion
 from occ.referee import examine, judge
-from occ.task import Start, Task
+from occ.task import Solution, Start, Task
 from tests.strategies import motions, platforms, points, starts
 from tests.tasks import LAP, paper_task
 
@@ -68,6 +69,33 @@ class TestCheckValues:
             assert found == pytest.approx(float(text), abs=2e-10)
 
 
+LARGEST_GROWTH = 20.0
+"""Of an error of the velocity; beyond it B leaves its program by more than the integration's own 1e-11 m/s or so."""
+
+
+def largest_growth(task: Task, solution: Solution) -> float:
+    """By how much an error of the velocity of O, which the law does not measure, grows at most along its motion.
+
+    With the torques a function of time, heading and yaw rate, V_X and V_Y off the program by e obey e' = E e, where
+    E = d(V_X', V_Y')/d(V_X, V_Y) - (b_Y, -b_X) dOmega'/d(V_X, V_Y): unstable for some points B of crooked platforms.
+    """
+    assert solution.claimed is not None
+    assert solution.control is not None
+    t = np.linspace(0.0, task.duration, 161)
+    state = np.array([np.interp(t, solution.claimed.t, row) for row in solution.claimed.state])
+    torque = solution.control.torque(t, state)
+    columns = np.array(task.dynamics.jacobian("forward", "state").map(len(t))(state, torque))
+    jacobian = columns.reshape(6, len(t), 6).transpose(1, 0, 2)
+    b_x, b_y = task.point
+    e = jacobian[:, 3:5, 3:5] - np.array([[b_y], [-b_x]]) * jacobian[:, 5:6, 3:5]
+    # Transition matrices from every time so far: an error may arise at any time.
+    transitions, largest = np.zeros((0, 2, 2)), 1.0
+    for step in expm((e[:-1] + e[1:]) / 2 * (t[1] - t[0])):
+        transitions = step @ np.concatenate([transitions, np.eye(2)[None]])
+        largest = max(largest, float(np.linalg.norm(transitions, ord=2, axis=(1, 2)).max()))
+    return largest
+
+
 class TestConstraint:
     """The heart of it: B keeps its program velocity, whatever the platform, the point, the motion and the start."""
 
@@ -82,6 +110,10 @@ class TestConstraint:
             assert solution.message
             return
         verdict = examine(task, solution)
+        if largest_growth(task, solution) > LARGEST_GROWTH:
+            # Rounding alone may lead B off its program; the referee has to see it.
+            assert (verdict.record.status is Status.OK) == (not verdict.record.message)
+            return
         assert verdict.samples is not None
         speed = float(np.hypot(*motion.at(verdict.samples.t)[1]).max())
         assert verdict.record.measures["velocity_error_m_s"] <= 1e-9 * max(1.0, speed)
@@ -93,7 +125,10 @@ class TestConstraint:
         self, platform: Platform, point: tuple[float, float], motion: ProgramMotion, heading: float, rate: float
     ) -> None:
         task = Task(platform=platform, point=point, motion=motion, duration=2.0)
-        verdict = examine(task, PrescribedRotation(rate=rate, heading=heading).solve(task))
+        solution = PrescribedRotation(rate=rate, heading=heading).solve(task)
+        if largest_growth(task, solution) > LARGEST_GROWTH:
+            return
+        verdict = examine(task, solution)
         assert verdict.record.status is Status.OK, verdict.record.message
         assert verdict.samples is not None
         np.testing.assert_allclose(verdict.samples.state[2], heading + rate * verdict.samples.t, atol=1e-9)

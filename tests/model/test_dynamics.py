@@ -87,7 +87,7 @@ class TestPaper:
     def test_reduced_coefficients_have_the_public_check_values(self, printed: Callable[[str], object]) -> None:
         # Source: public check values of the paper's errata.
         d = dynamics(youbot())
-        friction, inertia = np.array(d.coefficients.friction), np.array(d.inertia_matrix()["inertia"])
+        friction, inertia = np.array(d.coefficients.friction), np.array(d.inertia_matrix(np.zeros(6)))
         assert friction[0, 0] == printed("195.013850416")
         assert friction[1, 1] == printed("430.932217762")
         assert friction[2, 2] == printed("41.9345198146")
@@ -210,11 +210,11 @@ class TestMechanics:
         torque = data.draw(vectors(platform.wheel_count, 3.0))
         acceleration = column(d.forward(state, torque))[3:]
         wrench = column(d.inverse(state, acceleration))
-        rates = np.abs(np.array(d.input_map()["map"]))
+        rates = np.abs(np.array(d.input_map(np.zeros(6))))
         scale = rates @ np.abs(torque) + np.abs(np.array(d.inverse(state, np.zeros(3)))[:, 0]) + 1e-3
-        assert np.all(np.abs(wrench - np.array(d.input_map()["map"]) @ torque) <= 1e-12 * scale.max())
+        assert np.all(np.abs(wrench - np.array(d.input_map(np.zeros(6))) @ torque) <= 1e-12 * scale.max())
         again = column(d.forward(state, column(d.min_norm_torque(wrench))))[3:]
-        inertia = np.array(d.inertia_matrix()["inertia"])
+        inertia = np.array(d.inertia_matrix(np.zeros(6)))
         np.testing.assert_allclose(inertia @ again, inertia @ acceleration, rtol=0, atol=1e-11 * scale.max())
 
     @given(platform=platforms(), state=states())
@@ -223,7 +223,7 @@ class TestMechanics:
         found = float(dynamics(platform).kinetic_energy(state))
         assert found == pytest.approx(expected, rel=1e-12, abs=1e-14)
         velocity = state[3:]
-        inertia = np.array(dynamics(platform).inertia_matrix()["inertia"])
+        inertia = np.array(dynamics(platform).inertia_matrix(np.zeros(6)))
         assert velocity @ inertia @ velocity / 2 == pytest.approx(expected, rel=1e-12, abs=1e-14)
         matrices = unpack(ca.DM(coefficients(platform)), platform.wheel_count)
         assert float(matrices.kinetic_energy(velocity)) == pytest.approx(expected, rel=1e-12, abs=1e-14)
@@ -307,7 +307,7 @@ class TestMechanics:
     ) -> None:
         d = dynamics(platform)
         wrench = data.draw(vectors(3, 50.0))
-        transposed = np.array(d.input_map()["map"])
+        transposed = np.array(d.input_map(np.zeros(6)))
         torque = column(d.min_norm_torque(wrench))
         scale = (np.abs(transposed) @ np.abs(torque)).max() + 1e-3
         np.testing.assert_allclose(transposed @ torque, wrench, rtol=0, atol=1e-11 * scale)
@@ -342,7 +342,7 @@ class TestCoefficients:
         np.testing.assert_allclose(column(k.wrench(state[3:], acceleration)), wrench, rtol=0, atol=1e-12 * scale)
         forward = column(d.forward(state, torque))[3:]
         np.testing.assert_allclose(column(k.acceleration(state[3:], torque)), forward, rtol=1e-10, atol=1e-9)
-        np.testing.assert_array_equal(np.array(k.wheel_rates).T, np.array(d.input_map()["map"]))
+        np.testing.assert_array_equal(np.array(k.wheel_rates).T, np.array(d.input_map(np.zeros(6))))
 
     def test_nobody_can_change_the_packed_matrices_of_a_platform(self) -> None:
         with pytest.raises(ValueError, match="read-only"):

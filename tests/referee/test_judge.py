@@ -183,14 +183,14 @@ class TestMeasures:
         task = paper_task()
         solution = PrescribedRotation(rate=0.0).solve(task)
         m = judge(task, solution).measures
-        t = (np.arange(50_000) + 0.5) * LAP / 50_000
+        t = (np.arange(16_384) + 0.5) * LAP / 16_384
         state = task.states_on_program(t, np.zeros_like(t), np.zeros_like(t))
         assert solution.control is not None
         torque = solution.control.torque(t, state)
         power = torque * (np.array(task.dynamics.coefficients.wheel_rates) @ state[3:])
         assert (np.diff(np.sign(power)) != 0).sum() > 4
-        assert m["positive_work_J"] == pytest.approx(power.clip(0).sum() * LAP / len(t), rel=3e-8)
-        assert m["absolute_work_J"] == pytest.approx(np.abs(power).sum() * LAP / len(t), rel=3e-8)
+        assert m["positive_work_J"] == pytest.approx(power.clip(0).sum() * LAP / len(t), rel=3e-7)
+        assert m["absolute_work_J"] == pytest.approx(np.abs(power).sum() * LAP / len(t), rel=3e-7)
 
     def test_every_objective_and_every_column_is_there(self, task: Task, law: Solution) -> None:
         row = judge(task, law).row

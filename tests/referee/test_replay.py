@@ -79,8 +79,8 @@ class TestFailure:
     """A motion that cannot be followed is said so, with the time."""
 
     def test_a_torque_that_blows_up(self) -> None:
-        with pytest.raises(ReplayError, match=r"t = 0\.\d+ s"):
-            Replay(youbot(), PythonControl(lambda t, x: np.full(4, 1.0 / (0.5 - t))), np.zeros(6), 1.0)
+        with pytest.raises(ReplayError, match=r"t = 0\.[5-9]\d* s"):
+            Replay(youbot(), PythonControl(lambda t, x: np.full(4, 1.0 if t < 0.5 else np.inf)), np.zeros(6), 1.0)
 
     def test_an_unstable_feedback(self) -> None:
         with pytest.raises(ReplayError, match="physical range"):

@@ -1,12 +1,7 @@
-"""Program motions r_B*(t) of the platform's point B.
-
-A motion is ONE symbolic position; velocity and acceleration come from CasADi.  To add one: write a frozen dataclass
-with `kind`, `values` and `position` here and put it into `MOTIONS`.
-"""
+"""What every program motion is: plain numbers and one symbolic position."""
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from dataclasses import astuple, dataclass
 from functools import cache
@@ -15,8 +10,7 @@ from typing import ClassVar
 import casadi as ca
 import numpy as np
 
-from occ.checks import Angle, Positive, Vector2, check_fields
-from occ.errors import InputError
+from occ.checks import check_fields
 from occ.numeric import evaluate_many
 
 
@@ -55,6 +49,17 @@ class ProgramMotion(ABC):
         """[rad/s] omega_B, the constant rate at which the velocity of B turns; None where there is no such rate."""
         return None
 
+    def knots(self, duration: float) -> np.ndarray:
+        """(K,) [s] Times inside (0, duration) at which a derivative of the position jumps; an integrator stops there.
+
+        Args:
+            duration: [s].
+
+        Returns:
+            Increasing times; none where the position is smooth.
+        """
+        return np.array([])
+
     def at(self, t: float | np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """r_B*, r_B*', r_B*'' at the times t.
 
@@ -89,62 +94,3 @@ def kinematics_function(motion: type[ProgramMotion], structure: tuple[int, ...],
     acceleration = ca.jacobian(velocity, t)
     outputs = [ca.densify(x) for x in (position, velocity, acceleration)]
     return ca.Function(motion.kind, [t, values], outputs, ["t", "values"], ["position", "velocity", "acceleration"])
-
-
-@dataclass(frozen=True, kw_only=True)
-class Circle(ProgramMotion):
-    """x = R_B cos(omega_B t + phi_B), y = R_B sin(omega_B t + phi_B): the circle before eq. (4.1).
-
-    Args:
-        radius: [m] R_B.
-        rate: [rad/s] omega_B; its sign is the direction of travel, zero is refused.
-        phase: [rad] phi_B.
-    """
-
-    kind: ClassVar[str] = "circle"
-    radius: Positive
-    rate: float
-    phase: Angle = 0.0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if self.rate == 0.0:
-            raise InputError("Circle: rate 0 keeps B at rest; it should be a positive or negative rate in rad/s")
-
-    @classmethod
-    def position(cls, t: ca.SX, values: ca.SX, structure: tuple[int, ...]) -> ca.SX:
-        radius, rate, phase = ca.vertsplit(values)
-        return radius * ca.vertcat(ca.cos(rate * t + phase), ca.sin(rate * t + phase))
-
-    @property
-    def period(self) -> float:
-        return 2 * math.pi / abs(self.rate)
-
-    @property
-    def turning_rate(self) -> float:
-        return self.rate
-
-
-@dataclass(frozen=True, kw_only=True)
-class Line(ProgramMotion):
-    """r = r_0 + v t: a straight line at constant velocity.
-
-    Args:
-        velocity: (2,) [m/s] v.
-        start: (2,) [m] r_0.
-    """
-
-    kind: ClassVar[str] = "line"
-    velocity: Vector2
-    start: Vector2 = (0.0, 0.0)
-
-    @classmethod
-    def position(cls, t: ca.SX, values: ca.SX, structure: tuple[int, ...]) -> ca.SX:
-        return values[2:4] + values[0:2] * t
-
-    @property
-    def period(self) -> None:
-        return None
-
-
-MOTIONS: tuple[type[ProgramMotion], ...] = (Circle, Line)

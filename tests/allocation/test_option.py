@@ -1,0 +1,64 @@
+"""The law's option `allocation`: as a field, and as a table in an experiment file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from occ.allocation import BoxQp, MinNorm
+from occ.errors import InputError
+from occ.experiment.load import ExperimentError, load_experiment
+from occ.laws import PrescribedRotation, ServoLaw
+from tests.experiment import tiny
+
+BOX = ServoLaw(allocation=BoxQp())
+ROOT = Path(__file__).parents[2]
+
+
+class TestOption:
+    """As a field and as a table in an experiment file."""
+
+    @pytest.mark.parametrize("wrong", ["box_qp", None, 3, BoxQp])
+    def test_wrong_values(self, wrong: Any) -> None:
+        with pytest.raises(InputError, match="allocation"):
+            ServoLaw(allocation=wrong)
+
+    def test_table(self, tmp_path: Path) -> None:
+        path = tmp_path / "a.toml"
+        path.write_text(
+            tiny(('kind = "servo"', 'kind = "servo"\nallocation = { kind = "box_qp" }'))
+            + 'allocation = { kind = "min_norm" }\n'
+            + '[sweep]\n"controller.translation.allocation.kind" = ["min_norm", "box_qp"]\n'
+        )
+        first, second = load_experiment(path).cases
+        assert first.players() == {"servo law": BOX, "translation": PrescribedRotation(rate=0.0)}
+        assert second.players()["translation"] == PrescribedRotation(rate=0.0, allocation=BoxQp())
+        path.write_text(tiny())
+        (case,) = load_experiment(path).cases
+        assert case.players()["servo law"] == ServoLaw(allocation=MinNorm())
+
+    @pytest.mark.parametrize(
+        ("table", "words"),
+        [
+            ('{ kind = "box_pq" }', ['servo law.allocation.kind: unknown name ("box_pq")', '"box_qp"']),
+            ('{ kind = "box_qp", limit = 1.0 }', ["servo law.allocation.limit: unknown key"]),
+            ('"box_qp"', ["servo law.allocation: wrong type", "a table"]),
+            ("{}", ["servo law.allocation.kind: missing", "min_norm, box_qp"]),
+        ],
+    )
+    def test_wrong_tables(self, tmp_path: Path, table: str, words: list[str]) -> None:
+        path = tmp_path / "a.toml"
+        path.write_text(tiny(('kind = "servo"', f'kind = "servo"\nallocation = {table}')))
+        with pytest.raises(ExperimentError) as caught:
+            load_experiment(path)
+        (line,) = caught.value.lines
+        for word in words:
+            assert word in line
+
+    @pytest.mark.parametrize(("name", "cases"), [("limits", 3), ("limits_fast", 1)])
+    def test_shipped_experiments(self, name: str, cases: int) -> None:
+        experiment = load_experiment(ROOT / "experiments" / f"{name}.toml")
+        assert len(experiment.cases) == cases
+        assert all(case.players()["servo law box"] == BOX for case in experiment.cases)
