@@ -232,6 +232,7 @@ class Transcription:
             # Small programs run faster as one flat expression; large ones would take long to flatten.
             "expand": count * degree <= 600,
             "print_time": False,
+            "record_time": True,
             "error_on_fail": False,
             "ipopt": {
                 "print_level": 0,
