@@ -29,6 +29,10 @@ class BufferedFunction:
         self._trigger()
 
 
+CHUNK = 256
+"""Points that one call of a mapped function evaluates."""
+
+
 @lru_cache(maxsize=512)
 def _mapped(function: ca.Function, count: int, shared: tuple[int, ...]) -> ca.Function:
     return function.map("many", "serial", count, list(shared), [])
@@ -46,8 +50,14 @@ def evaluate_many(function: ca.Function, *arguments: np.ndarray, shared: tuple[i
         Each output, (m, N).
     """
     count = next(a.shape[-1] for i, a in enumerate(arguments) if i not in shared)
-    # Making a map takes longer than calling it: pad to a power of two, so that few maps serve all calls.
-    padded = 1 << max(count - 1, 0).bit_length()
-    columns = np.minimum(np.arange(padded), count - 1)
-    inputs = [a if i in shared else a[:, columns] for i, a in enumerate(arguments)]
-    return [np.array(output)[:, :count] for output in _mapped(function, padded, shared).call(inputs)]
+    # Making a map takes longer than calling it: few sizes, the powers of two up to a chunk, serve all calls.
+    size = min(1 << max(count - 1, 0).bit_length(), CHUNK)
+    mapped = _mapped(function, size, shared)
+    results = [np.empty((function.size1_out(i), count)) for i in range(function.n_out())]
+    for start in range(0, count, size):
+        columns = np.minimum(np.arange(start, start + size), count - 1)
+        inputs = [a if i in shared else a[:, columns] for i, a in enumerate(arguments)]
+        end = min(start + size, count)
+        for result, output in zip(results, mapped.call(inputs), strict=True):
+            result[:, start:end] = np.array(output)[:, : end - start]
+    return results

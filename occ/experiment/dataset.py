@@ -39,12 +39,7 @@ def motion_dataset(task: Task, verdict: Verdict, attributes: dict[str, Any]) -> 
     point, _ = task.point_motion(s.state)
     program, _, _ = task.motion.at(t)
     wrench = np.array(task.dynamics.coefficients.wheel_rates).T @ s.torque
-    nodes = verdict.samples
-    # Integrals up to each panel's end, interpolated to the output times.
-    panels = (nodes.integrands * nodes.weight).reshape(len(OBJECTIVES), -1, nodes.nodes).sum(axis=2)
-    ends = nodes.t.reshape(-1, nodes.nodes)[:, -1]
-    total = np.concatenate([np.zeros((len(OBJECTIVES), 1)), np.cumsum(panels, axis=1)], axis=1)
-    costs = np.array([np.interp(t, np.concatenate([[0.0], ends]), row) for row in total])
+    costs = verdict.samples.accumulated(t)
     names = (
         ("x", "m", "x_O"),
         ("y", "m", "y_O"),

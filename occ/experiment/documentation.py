@@ -76,7 +76,7 @@ def listing(family: str) -> str:
     Returns:
         Lines without a line break at the end.
     """
-    from occ.model.presets import PRESETS
+    from occ.model.presets import PLATFORMS
     from occ.motion import MOTIONS
     from occ.objectives import OBJECTIVES
     from occ.players import PLAYERS
@@ -85,7 +85,7 @@ def listing(family: str) -> str:
         rows = [(item.name, item.unit, f"integral of {item.equation} dt") for item in OBJECTIVES.values()]
         return "\n".join(["objectives ([compare] objectives = [...])", *_aligned(rows, "  ")])
     head, members = {
-        "platforms": ('platforms ([platform] preset = "...")', list(PRESETS.items())),
+        "platforms": ('platforms ([platform] preset = "...")', list(PLATFORMS.items())),
         "motions": ('motions ([motion] kind = "...")', _kinds(MOTIONS)),
         "controllers": ('controllers ([[controller]] kind = "...")', _kinds(PLAYERS)),
     }[family]

@@ -185,7 +185,12 @@ def _controller_names(data: Mapping[str, Any]) -> dict[int, str]:
 def _place(item: ErrorDetails, data: Any) -> Place:
     """Where an error is in the data: pydantic's place without the labels of unions and tags."""
     place: list[str | int] = []
+    labelled: Any = None
     for i, step in enumerate(item["loc"]):
+        if isinstance(data, dict) and data is not labelled and step in (data.get("kind"), data.get("preset")):
+            # A tag may be the name of one of the table's keys, too; pydantic puts it before the key.
+            labelled = data
+            continue
         inside = (isinstance(data, dict) and step in data) or (
             isinstance(data, list | tuple) and isinstance(step, int) and step < len(data)
         )

@@ -15,6 +15,7 @@ from occ.model.dynamics import friction_time, state_rate
 from occ.model.platform import Platform
 from occ.numeric import BufferedFunction, evaluate_many
 from occ.objectives import measure_function
+from occ.trajectory import lagrange_basis
 
 LARGEST_STATE = 1e6
 LARGEST_RATE = 1e12
@@ -26,7 +27,7 @@ class ReplaySettings:
     """How finely the referee looks.
 
     Args:
-        tolerance: relative tolerance of the integrator; a tenth of it is the absolute one.
+        tolerance: of the integrator, relative and, in SI units, absolute.
         nodes: of the Gauss-Lobatto rule on each step of the integrator.
         longest_step: of the integrator, in units of the platform's shortest time constant of friction: an explicit
             method works at the border of its stability otherwise, where its error estimate is blind.
@@ -93,6 +94,29 @@ class Samples:
         """(n, N) [W] M_i phi_i'."""
         return self.torque * self.wheel_rates
 
+    def accumulated(self, t: np.ndarray) -> np.ndarray:
+        """Integrals of the integrands from 0 to t, by their interpolation polynomials in each panel.
+
+        Args:
+            t: (K,) [s] inside the horizon.
+
+        Returns:
+            (m, K).
+        """
+        count = self.nodes
+        panels = self.t.reshape(-1, count)
+        values = self.integrands.reshape(len(self.integrands), -1, count)
+        sums = (values * self.weight.reshape(-1, count)).sum(axis=2)
+        before = np.concatenate([np.zeros((len(sums), 1)), np.cumsum(sums, axis=1)], axis=1)
+        k = np.clip(np.searchsorted(panels[:, 0], t, side="right") - 1, 0, len(panels) - 1)
+        width = panels[k, -1] - panels[k, 0]
+        s = (t - panels[k, 0]) / width
+        x, w = np.polynomial.legendre.leggauss(count)
+        places = s[:, None] * (x + 1) / 2
+        basis = lagrange_basis(gauss_lobatto(count)[0], places.ravel()).reshape(count, len(t), count)
+        inside = np.einsum("mkj,jkq,q->mk", values[:, k], basis, w / 2) * s * width
+        return before[:, k] + inside
+
 
 class Replay:
     """x(t): the motion of a platform under a control from a start state.
@@ -154,7 +178,7 @@ class Replay:
             method="DOP853",
             dense_output=True,
             rtol=self.settings.tolerance,
-            atol=self.settings.tolerance / 10,
+            atol=self.settings.tolerance,
             max_step=min(self._longest_step, self.duration / 40),
         )
         if outcome.status != 0:

@@ -48,6 +48,18 @@ class TestCoasting:
         assert samples.dissipation @ samples.weight == pytest.approx(lost, rel=1e-12)
         assert samples.integrands @ samples.weight == pytest.approx(np.zeros(len(samples.integrands)), abs=1e-15)
 
+    def test_accumulated_integrals(self) -> None:
+        # Braking at constant torque on a frictionless platform: power -F (V_0 - F t / m), work -F V_0 t + F^2 t^2 / 2m.
+        platform = youbot(mass_center=(0.0, 0.0), wheel_friction=0.0, roller_friction=0.0)
+        mass = 29.94 + 4 * 1.40 + 4 * 5.87e-3 / 0.0475**2
+        force = 4 * 0.3 / 0.0475
+        start = np.array([0, 0, 0, 0.7, 0, 0.0])
+        samples = Replay(platform, PythonControl(lambda t, x: np.full(4, -0.3)), start, 1.0).samples()
+        t = np.linspace(0, 1.0, 37)
+        found = samples.accumulated(t)
+        np.testing.assert_allclose(found[0], -force * 0.7 * t + force**2 * t**2 / (2 * mass), atol=1e-11)
+        np.testing.assert_allclose(found[:, -1], samples.integrands @ samples.weight, atol=1e-11)
+
 
 class TestKnots:
     """Torques that jump are integrated piece by piece."""
