@@ -13,8 +13,8 @@ compare: $(STAMP)  ## the Section 5 table and figures
 test: $(STAMP)  ## the default tests
 	$(BIN)/pytest -n 2
 
-slow: $(STAMP)  ## the long tests
-	$(BIN)/pytest -n 2 -m slow
+slow: $(STAMP)  ## the long tests, and each benchmark once
+	$(BIN)/pytest -n 2 -m "slow or benchmark"
 
 check: $(STAMP)  ## formatting, lint and types
 	$(BIN)/ruff format --check .

@@ -233,6 +233,9 @@ class Transcription:
             "expand": count * degree <= 600,
             "print_time": False,
             "record_time": True,
+            # Multipliers of the parameters would cost as much as the solution, and nobody asks for them.
+            "calc_lam_p": False,
+            "no_nlp_grad": True,
             "error_on_fail": False,
             "ipopt": {
                 "print_level": 0,

@@ -15,7 +15,7 @@ from occ.laws import ServoLaw
 from occ.model import appell, coefficients
 from occ.model.dynamics import Dynamics
 from occ.optimal.collocation import Collocation
-from occ.optimal.reduced import guess_from_law, numbers_of, reduced_problem
+from occ.optimal.reduced import Ends, guess_from_law, numbers_of, reduced_problem
 from occ.optimal.transcription import Bounds, Nodes, Numbers, Transcription
 from occ.referee import judge
 from occ.task import Task
@@ -34,7 +34,9 @@ def built() -> Transcription:
 
 def posed(task: Task, transcription: Transcription) -> tuple[Numbers, Nodes]:
     edges = PLAYER.first_mesh(task)
-    numbers = numbers_of(task, transcription, edges, Bounds.free(2))
+    start = Bounds.fixed(np.array([task.start.heading, task.start.heading_rate]))
+    ends = Ends(start=start, end=Bounds.free(2), difference=Bounds.free(2))
+    numbers = numbers_of(task, transcription, edges, ends)
     return numbers, guess_from_law(task, transcription, edges)
 
 
