@@ -52,7 +52,9 @@ def run(experiment: Experiment, out: Path, workers: int = 1, progress: Progress 
     outcomes: dict[int, Sequence[Row]] = {}
     for number, case in enumerate(experiment.cases):
         stored = store.read(case.key)
-        if stored is not None and all(row["trajectory"] in (None, _stamped(row, case)) for row in stored):
+        if stored is not None and all(
+            row["trajectory"] is None or row["trajectory"] == _stamped(row, case) for row in stored
+        ):
             outcomes[number] = stored
             tell(f"{case.name}: stored", len(stored))
     missing = [number for number in range(len(experiment.cases)) if number not in outcomes]

@@ -44,7 +44,9 @@ def cost_figure(item: Objective, motions: Motions, where: str = "") -> Figure:
     middle = float(np.median(list(totals.values())))
     hidden = {who: total for who, total in totals.items() if total > FAR * middle > 0}
     if hidden:
-        axes[0].set_ylim(top=1.08 * max(total for who, total in totals.items() if who not in hidden))
+        top = max(total for who, total in totals.items() if who not in hidden)
+        low = min(float(motion[item.name].min()) for _, motion in motions.values())
+        axes[0].set_ylim(low - 0.05 * top, 1.08 * top)
         _note(
             axes[0], "; ".join(f"{who} goes up to {total:.4g} {unit}, off this scale" for who, total in hidden.items())
         )

@@ -119,6 +119,18 @@ def test_second_run_solves_nothing_and_writes_the_same(write: Write, tmp_path: P
     assert (out / "results.csv").read_bytes() == table
 
 
+def test_a_row_without_a_trajectory_is_resumed_like_any_other(write: Write, tmp_path: Path, solves: list[Task]) -> None:
+    # Out of reach of every allocation: the player itself says so, and there is no motion to store.
+    box = ('kind = "servo"', 'kind = "servo"\nallocation = { kind = "box_qp" }')
+    experiment, out = load_experiment(write(tiny(box, more="[limits]\ntorque = 0.01\n"))), tmp_path / "out"
+    run(experiment, out)
+    table = (out / "results.csv").read_bytes()
+    assert b"infeasible" in table
+    run(experiment, out)
+    assert len(solves) == 1
+    assert (out / "results.csv").read_bytes() == table
+
+
 def test_only_what_is_damaged_is_solved_again(write: Write, tmp_path: Path, solves: list[Task]) -> None:
     experiment, out = load_experiment(write(TWO_CASES)), tmp_path / "out"
     run(experiment, out)
