@@ -368,7 +368,7 @@ def test_closed_splines_through_points_of_a_circle_approach_it_with_order_six() 
         times = np.linspace(0.0, circle.period, count + 1)
         points = circle.at(times)[0].T
         points[-1] = points[0]
-        spline = SplineMotion(points=points, times=times, closed=True)  # type: ignore[arg-type]
+        spline = SplineMotion(points=points, times=times, closed=True)
         between = np.linspace(0.0, circle.period, 1001)
         errors.append(np.abs(spline.at(between)[0] - circle.at(between)[0]).max())
     assert math.log2(errors[0] / errors[1]) == pytest.approx(6.0, abs=0.1)

@@ -29,7 +29,7 @@ def test_python_examples_run_in_their_order(capsys: pytest.CaptureFixture[str]) 
     for block in PYTHON:
         exec(compile(block, "README.md", "exec"), names)
     table = names["table"]
-    assert (table["status"] == "ok").all()  # type: ignore[index,attr-defined]
+    assert (table["status"] == "ok").all()
     assert "min work" in capsys.readouterr().out
 
 

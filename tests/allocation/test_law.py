@@ -149,7 +149,7 @@ class TestOutOfReach:
 
     def test_border_of_reach(self) -> None:
         solution = BOX.solve(limited(0.5))
-        needs = float(re.search(r"needs ([\d.]+)", solution.message).group(1))  # type: ignore[union-attr]
+        needs = float(re.search(r"needs ([\d.]+)", solution.message).group(1))
         assert BOX.solve(limited(needs + 1e-4)).status is Status.OK
         assert BOX.solve(limited(needs - 1e-4)).status is Status.INFEASIBLE
 

@@ -50,7 +50,7 @@ def test_lists(occ: Occ) -> None:
         assert alone.exit_code == 0
         assert alone.stdout.strip() in everything
     for cls in (*MOTIONS, *PLAYERS):
-        assert f"  {cls.kind}: " in everything  # type: ignore[union-attr]
+        assert f"  {cls.kind}: " in everything
     for name in OBJECTIVES:
         assert f"  {name} " in everything
     of_youbot = everything.split("  youbot")[1]

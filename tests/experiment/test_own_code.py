@@ -313,7 +313,7 @@ def test_keys_reach_the_class(write: Write, law: Any) -> None:
     law(OPEN.replace("pass", "self.keys = keys", 1), "open.py")
     keys = 'a = 1\nb = [1.5, "x"]\nc = { d = true }'
     (case,) = load_experiment(write(experiment(keys, "open.py:Own")), allow_code=True).cases
-    assert case.players()["own"].keys == {"a": 1, "b": [1.5, "x"], "c": {"d": True}}  # type: ignore[attr-defined]
+    assert case.players()["own"].keys == {"a": 1, "b": [1.5, "x"], "c": {"d": True}}
 
 
 def test_what_a_class_prints_is_no_part_of_the_answer(write: Write, occ: Occ, law: Any, tmp_path: Path) -> None:

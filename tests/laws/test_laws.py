@@ -49,7 +49,7 @@ class TestCheckValues:
     )
     def test_work_of_the_prescribed_rotations(self, rate: object, heading: float, work: str, printed: Printed) -> None:
         task = paper_task()
-        record = judge(task, PrescribedRotation(rate=rate, heading=heading).solve(task))  # type: ignore[arg-type]
+        record = judge(task, PrescribedRotation(rate=rate, heading=heading).solve(task))
         assert record.status is Status.OK, record.message
         assert record.measures["work_J"] == printed(work)
 
@@ -206,4 +206,4 @@ class TestPrescribedRotation:
     @pytest.mark.parametrize("rate", [float("nan"), "programme", True, None])
     def test_bad_rates(self, rate: object) -> None:
         with pytest.raises(InputError, match="rate"):
-            PrescribedRotation(rate=rate)  # type: ignore[arg-type]
+            PrescribedRotation(rate=rate)

@@ -227,7 +227,7 @@ class TestWheelByWheel:
         numbers: dict[str, Any] = {"platform_mass": 8.5, "mass_center": (0.0, 0.0), "yaw_inertia": 0.25}
         assert WheelByWheel(**numbers, wheels=omni3().wheels).platform().wheels == omni3().wheels
         with pytest.raises(InputError, match=r"^WheelByWheel: wheels should be a tuple whose entries are a Wheel"):
-            WheelByWheel(**numbers, wheels=(1, 2, 3))  # type: ignore[arg-type]
+            WheelByWheel(**numbers, wheels=(1, 2, 3))
 
     def test_it_is_no_preset_as_it_has_no_numbers_of_its_own(self) -> None:
         assert set(PLATFORMS) - set(PRESETS) == {"wheels"}

@@ -27,7 +27,7 @@ class TestCheckValues:
     @pytest.mark.parametrize("scheme", ["radau", "legendre"])
     def test_min_work_is_above_and_near_the_infimum(self, duration: float, infimum: float, scheme: str) -> None:
         task = paper_task(duration)
-        record = judge(task, Collocation(objective="work", scheme=scheme).solve(task))  # type: ignore[arg-type]
+        record = judge(task, Collocation(objective="work", scheme=scheme).solve(task))
         assert record.status is Status.OK, record.message
         assert infimum < record.measures["work_J"] < infimum * (1 + 1e-5)
 
@@ -35,7 +35,7 @@ class TestCheckValues:
     @pytest.mark.parametrize("scheme", ["radau", "legendre"])
     def test_min_torque_squared(self, duration: float, least: str, scheme: str, printed: Printed) -> None:
         task = paper_task(duration)
-        player = Collocation(objective="torque_squared", scheme=scheme, tolerance=1e-9)  # type: ignore[arg-type]
+        player = Collocation(objective="torque_squared", scheme=scheme, tolerance=1e-9)
         record = judge(task, player.solve(task))
         assert record.status is Status.OK, record.message
         assert record.measures["torque_squared_N2m2s"] == pytest.approx(float(least), rel=2e-10)
@@ -56,8 +56,8 @@ class TestEnds:
         task = paper_task()
         column = {"work": "work_J", "torque_squared": "torque_squared_N2m2s"}[objective]
         law = judge(task, ServoLaw().solve(task))
-        free = judge(task, Collocation(objective=objective).solve(task))  # type: ignore[arg-type]
-        tied = judge(task, Collocation(objective=objective, end="law").solve(task))  # type: ignore[arg-type]
+        free = judge(task, Collocation(objective=objective).solve(task))
+        tied = judge(task, Collocation(objective=objective, end="law").solve(task))
         assert tied.status is Status.OK, tied.message
         assert tied.end == "law"
         assert free.measures[column] < tied.measures[column] < law.measures[column]
@@ -157,4 +157,4 @@ class TestRefinement:
 )
 def test_bad_options_are_refused_by_name(keys: dict[str, object], word: str) -> None:
     with pytest.raises(InputError, match=word):
-        Collocation(**keys)  # type: ignore[arg-type]
+        Collocation(**keys)

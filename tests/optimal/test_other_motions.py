@@ -66,7 +66,7 @@ def test_every_motion_of_this_project_is_among_the_tasks_or_those_of_the_paper()
 def test_the_optimum_is_ok_and_costs_no_more_than_the_law(name: str, objective: str) -> None:
     law = of_the_law(name)
     assert law.status is Status.OK, law.message
-    record = judge(TASKS[name], Collocation(objective=objective).solve(TASKS[name]))  # type: ignore[arg-type]
+    record = judge(TASKS[name], Collocation(objective=objective).solve(TASKS[name]))
     assert record.status is Status.OK, record.message
     assert (record.keep, record.start, record.end) == ("path", "given", "free")
     assert record.measures[COLUMN[objective]] <= law.measures[COLUMN[objective]]

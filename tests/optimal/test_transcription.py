@@ -59,7 +59,7 @@ def solve(
     options: SolverOptions | None = None,
 ) -> tuple[Transcription, Numbers, Outcome]:
     intervals = len(mesh) - 1
-    transcription = Transcription(problem, intervals, degree, name, options)  # type: ignore[arg-type]
+    transcription = Transcription(problem, intervals, degree, name, options)
     numbers = Numbers(
         edges=mesh,
         data=np.zeros((0, intervals, degree)),
@@ -93,7 +93,7 @@ class TestOrder:
         intervals = np.array([4, 8, 16, 32] if degree < 4 else [2, 4, 8, 16])
         errors = []
         for n in intervals:
-            transcription = Transcription(pendulum(), int(n), degree, name)  # type: ignore[arg-type]
+            transcription = Transcription(pendulum(), int(n), degree, name)
             numbers = Numbers(
                 edges=np.linspace(0, 2, n + 1),
                 data=np.zeros((0, n, degree)),
@@ -272,13 +272,13 @@ class TestMesh:
     @pytest.mark.parametrize("name", ["radau", "legendre"])
     @pytest.mark.parametrize("degree", [2, 3, 5, 8, 12])
     def test_weights_integrate_polynomials_to_the_schemes_order(self, name: str, degree: int) -> None:
-        s = scheme(name, degree)  # type: ignore[arg-type]
+        s = scheme(name, degree)
         for power in range(2 * degree - (1 if name == "radau" else 0)):
             assert s.weights @ s.points**power == pytest.approx(1 / (power + 1), rel=1e-11)
 
     @pytest.mark.parametrize("name", ["radau", "legendre"])
     def test_derivative_matrix_differentiates_polynomials(self, name: str) -> None:
-        s = scheme(name, 4)  # type: ignore[arg-type]
+        s = scheme(name, 4)
         for power in range(1, 5):
             np.testing.assert_allclose(s.nodes**power @ s.derivative, power * s.points ** (power - 1), atol=1e-12)
             assert s.nodes**power @ s.end == pytest.approx(1.0)

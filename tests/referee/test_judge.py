@@ -241,7 +241,7 @@ class TestLimits:
         solution = ServoLaw().solve(task)
         assert solution.claimed is not None
         t = np.linspace(10.0, 12.0, 20_001)
-        state = replay_module.Replay(task.platform, solution.control, solution.start_state, LAP).at(t)  # type: ignore[arg-type]
+        state = replay_module.Replay(task.platform, solution.control, solution.start_state, LAP).at(t)
         assert solution.control is not None
         fine = np.abs(solution.control.torque(t, state)).max()
         assert peak == pytest.approx(1.2297, abs=5e-5)
