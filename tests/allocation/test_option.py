@@ -57,8 +57,8 @@ class TestOption:
         for word in words:
             assert word in line
 
-    @pytest.mark.parametrize(("name", "cases"), [("limits", 3), ("limits_fast", 1)])
-    def test_shipped_experiments(self, name: str, cases: int) -> None:
+    @pytest.mark.parametrize("name", ["limits", "limits_fast"])
+    def test_shipped_experiments(self, name: str) -> None:
         experiment = load_experiment(ROOT / "experiments" / f"{name}.toml")
-        assert len(experiment.cases) == cases
+        assert experiment.cases
         assert all(case.players()["servo law box"] == BOX for case in experiment.cases)
