@@ -17,16 +17,24 @@ LAYERS = (
     ("model", "motion", "trajectory"),
     ("control", "task"),
     ("objectives", "allocation"),
-    ("laws", "optimal", "referee"),
+    ("laws", "optimal", "referee", "theory"),
+    ("certify",),
     ("players",),
-    ("experiment",),
+    ("experiment", "paper"),
     ("report",),
     ("figures",),
     ("cli",),
 )
 LAYER = {room: i for i, rooms in enumerate(LAYERS) for room in rooms}
 # Rooms of one layer that may look into a neighbour of the same layer.
-NEIGHBOURS = {("optimal", "laws"), ("task", "control"), ("motion", "model"), ("model", "motion"), ("checks", "errors")}
+NEIGHBOURS = {
+    ("optimal", "laws"),
+    ("theory", "laws"),
+    ("task", "control"),
+    ("motion", "model"),
+    ("model", "motion"),
+    ("checks", "errors"),
+}
 MODULES = sorted(path for path in ROOT.rglob("*.py") if path != ROOT / "__init__.py")
 
 
