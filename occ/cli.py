@@ -137,7 +137,7 @@ def check(experiment: File, settings: Settings = [], allow_code: AllowCode = Fal
 @app.command()
 def schema() -> None:
     """Print the JSON Schema of experiment files."""
-    from occ.experiment.schema import json_schema
+    from occ.experiment.json_schema import json_schema
 
     typer.echo(json.dumps(json_schema(), indent=2))
 

@@ -17,7 +17,6 @@ from occ.experiment.naming import nearest, slug, suggestion
 from occ.experiment.own_code import OwnClass, OwnCode, check_player, is_own
 from occ.experiment.schema import (
     NAME_CHARACTERS,
-    DataTable,
     ExperimentFile,
     HorizonTable,
     LimitsTable,
@@ -25,10 +24,9 @@ from occ.experiment.schema import (
     PlatformTable,
     PointTable,
     StartTable,
-    Table,
     experiment_model,
-    models_in,
 )
+from occ.experiment.tables import DataTable, Table, models_in
 from occ.laws.base import PathKeepingLaw
 from occ.model.presets import youbot
 from occ.task import Limits, Start, Task

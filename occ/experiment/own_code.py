@@ -26,7 +26,8 @@ from pydantic import model_validator as validator
 from occ.errors import InputError
 from occ.experiment.documentation import argument_texts, summary
 from occ.experiment.naming import nearest, suggestion
-from occ.experiment.schema import OWN_KIND, ControllerName, DataTable, built, toml_hint
+from occ.experiment.schema import OWN_KIND, ControllerName
+from occ.experiment.tables import DataTable, built, toml_hint
 from occ.laws.base import PathKeepingLaw
 from occ.task import Player, Task
 

@@ -87,7 +87,7 @@ def yaw_coefficients(platform: Platform, point: Vector2) -> YawCoefficients:
         Numbers, each of shape ().
     """
     column = np.array(yaw_function(platform.wheel_count)(platform.parameters(), point))[:, 0]
-    return YawCoefficients(*(np.float64(value) for value in column))
+    return YawCoefficients(*(np.asarray(value) for value in column))
 
 
 def yaw_coefficients_many(wheel_count: int, parameters: np.ndarray, point: np.ndarray) -> YawCoefficients:

@@ -16,7 +16,7 @@ from occ.checks import Positive, Vector2
 from occ.experiment.case import Case
 from occ.experiment.load import Experiment, ExperimentError, load_experiment, parse_override
 from occ.experiment.naming import slug
-from occ.experiment.schema import table_model
+from occ.experiment.tables import table_model
 from occ.laws import PrescribedRotation, ServoLaw
 from occ.model.presets import PRESETS, youbot
 from occ.motion import MOTIONS, Circle
