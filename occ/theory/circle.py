@@ -16,17 +16,20 @@ import numpy as np
 from occ.numeric import evaluate_many
 from occ.theory.coefficients import YawCoefficients
 
+CANCELLED = 1e-14
+"""A sum that is smaller than this part of its terms is taken for zero."""
+
 
 class CircleQuantities(NamedTuple):
     """What eqs. (4.4)-(4.9) are made of, each an array; angles in (-pi, pi]."""
 
-    critical_radius: np.ndarray  # [m] R~_B, infinite at the singular point (4.20)
+    critical_radius: np.ndarray  # [m] R~_B, infinite at the singular point (4.20), zero without friction
     critical_speed: np.ndarray  # [m/s] V~_B, infinite where the wheels have no spin inertia
     alpha: np.ndarray  # [rad]
     beta: np.ndarray  # [rad]
     epsilon: np.ndarray  # [1] |omega_B|/xi_3
     k: np.ndarray  # [1] K of eq. (4.9)
-    radius_ratio: np.ndarray  # [1] rho = R_B/R~_B
+    radius_ratio: np.ndarray  # [1] rho = R_B/R~_B, infinite without friction
     stable_heading: np.ndarray  # [rad] psi~_s of positive stiffness, NaN where there is no steady rotation
     unstable_heading: np.ndarray  # [rad] psi~_s of negative stiffness, NaN likewise
     stable_damping: np.ndarray  # [1/s] coefficient of the rate in eq. (4.7), NaN likewise
@@ -44,23 +47,25 @@ def circle_function() -> ca.Function:
     coefficients = ca.SX.sym("coefficients", len(YawCoefficients._fields))
     radius, rate = ca.SX.sym("radius"), ca.SX.sym("rate")
     c = YawCoefficients(*ca.vertsplit(coefficients))
-    cosine, sine = c.xi_1 + c.kappa_22 * rate, c.xi_2 - c.kappa_21 * rate
-    spin_cosine, spin_sine = c.kappa_11 - c.kappa_21, c.kappa_12 - c.kappa_22
-    critical_radius = c.xi_3 / ca.hypot(cosine, sine)
-    critical_speed = c.xi_3 / ca.hypot(spin_cosine, spin_sine)
+    cosine, sine = _sum(c.xi_1, c.kappa_22 * rate), _sum(c.xi_2, -c.kappa_21 * rate)
+    spin_cosine, spin_sine = _sum(c.kappa_11, -c.kappa_21), _sum(c.kappa_12, -c.kappa_22)
+    drive, spin = ca.hypot(cosine, sine), ca.hypot(spin_cosine, spin_sine)
+    # Without friction steady rotations exist at every radius, also where nothing drives the rotation (0/0).
+    critical_radius = ca.if_else(c.xi_3 == 0, 0, c.xi_3 / drive)
+    critical_speed = ca.if_else(spin == 0, ca.inf, c.xi_3 / spin)
     alpha, beta = ca.atan2(sine, cosine), ca.atan2(spin_sine, spin_cosine)
     turn = ca.sign(rate) * ca.acos(critical_radius / radius)
     headings = [_wrapped(-alpha + turn), _wrapped(-alpha - turn)]
-    dampings = [c.xi_3 * (1 + radius * rate / critical_speed * ca.sin(heading + beta)) for heading in headings]
+    dampings = [c.xi_3 + radius * rate * spin * ca.sin(heading + beta) for heading in headings]
     # The root with sin(psi~ + alpha) of the sign of omega_B, eq. (4.7); errata 6.
-    stiffness = radius / critical_radius * rate * c.xi_3 * ca.sin(turn)
+    stiffness = radius * rate * drive * ca.sin(turn)
     column = ca.vertcat(
         critical_radius,
         critical_speed,
         alpha,
         beta,
         ca.fabs(rate) / c.xi_3,
-        radius * ca.hypot(spin_cosine, spin_sine),
+        radius * spin,
         radius / critical_radius,
         *headings,
         *dampings,
@@ -69,6 +74,12 @@ def circle_function() -> ca.Function:
     return ca.Function(
         "circle", [coefficients, radius, rate], [column], ["coefficients", "radius", "rate"], ["quantities"]
     )
+
+
+def _sum(one: ca.SX, other: ca.SX) -> ca.SX:
+    """One + other, exactly zero where the two cancel to the last digits: there a quotient is to be infinite."""
+    value = one + other
+    return ca.if_else(ca.fabs(value) <= CANCELLED * (ca.fabs(one) + ca.fabs(other)), 0, value)
 
 
 def _wrapped(angle: ca.SX) -> ca.SX:

@@ -18,6 +18,9 @@ from occ.model.coefficients import coefficient_function
 from occ.model.platform import Platform
 from occ.numeric import evaluate_many
 
+ROUNDING = 1e-14
+"""A coupling that is smaller than this part of the largest one possible is taken for zero."""
+
 
 class YawCoefficients(NamedTuple):
     """Coefficients of the yaw equation and of the dissipation; each a number or an array, in the order of CasADi's.
@@ -62,18 +65,25 @@ def yaw_function(wheel_count: int) -> ca.Function:
     drag = friction @ c
     # f is quadratic in pi'; of C^T f at C Omega + V* only the product of Omega and V* is left, since pi'^T f = 0.
     product = sum(c[k] * (gyroscopic[k] @ c) for k in range(3))
-    scaled = ca.vertcat(
-        -coupling[1], coupling[0], -product[0], -product[1], -drag[1], drag[0], ca.bilin(friction, c, c)
-    )
+    drag_of_rotation = ca.bilin(friction, c, c)
+    coupling, product = (_cleared(terms, inertia, yaw_inertia) for terms in (coupling, product))
+    drag = _cleared(drag, friction, drag_of_rotation)
+    numerators = (-coupling[1], coupling[0], -product[0], -product[1], -drag[1], drag[0], drag_of_rotation)
     column = ca.vertcat(
         yaw_inertia,
-        scaled / yaw_inertia,
+        ca.vertcat(*numerators) / yaw_inertia,
         *(friction[i, j] for i, j in ((0, 0), (0, 1), (1, 1))),
         *(inertia[i, j] for i, j in ((0, 0), (0, 1), (1, 1))),
     )
     return ca.Function(
         "yaw_coefficients", [parameters, point], [ca.densify(column)], ["parameters", "point"], ["coefficients"]
     )
+
+
+def _cleared(coupling: ca.SX, translation: ca.SX, rotation: ca.SX) -> ca.SX:
+    """Couplings of translation and rotation without what rounding leaves of a sum over the wheels that cancels."""
+    noise = [ROUNDING * ca.sqrt(translation[i, i] * rotation) for i in range(2)]
+    return ca.vertcat(*(ca.if_else(ca.fabs(coupling[i]) <= noise[i], 0, coupling[i]) for i in range(2)))
 
 
 def yaw_coefficients(platform: Platform, point: Vector2) -> YawCoefficients:
