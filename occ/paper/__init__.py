@@ -1,0 +1,1 @@
+"""The paper as a program: the data behind its figures, and an audit of what it prints."""
