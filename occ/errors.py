@@ -17,6 +17,10 @@ class BoundViolation(OccError):
     """A feasible row lies below a certified lower bound of its own class: one of the two is wrong."""
 
 
+class ExportError(OccError):
+    """What was exported does not do what the model does, or does not compile; nothing was written."""
+
+
 class Status(StrEnum):
     """The state of one row of a comparison.  Everything but ``OK`` carries its reason in the row's message."""
 
