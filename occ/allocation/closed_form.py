@@ -1,84 +1,79 @@
-"""The box-limited allocation of least norm where at most one null torque exists: a clip of one scalar."""
+"""The best allocation where at most one null torque exists, M = M_min + nu n: a clip of one scalar."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from occ.allocation.criteria import LEAST_NORM, NO_EFFECT, Criterion
 from occ.allocation.input_map import InputMap
-from occ.allocation.residuals import residuals
-from occ.allocation.result import REACH, Allocation, allocation_of, checked
+from occ.allocation.ranges import TorqueRange
+from occ.allocation.result import Allocation, Question, question
 from occ.errors import InputError
 
-NO_EFFECT = 1e-12
-"""A wheel whose share in the unit null torque is below this is not moved by it."""
 
+def allocate(
+    wheels: InputMap,
+    wrench: np.ndarray,
+    limits: float | TorqueRange,
+    criterion: Criterion = LEAST_NORM,
+    rates: np.ndarray | None = None,
+) -> Allocation:
+    """min f(M_min + nu n) over the nu with lower_i <= M_min,i + nu n_i <= upper_i for every wheel.
 
-def allocate(wheels: InputMap, wrench: np.ndarray, limit: float) -> Allocation:
-    """M = M_min + nu n, nu = 0 clipped to the intersection of |M_min,i + nu n_i| <= limit over the wheels.
-
-    M_min is orthogonal to n, so that |M|^2 = |M_min|^2 + nu^2: the least norm is the nu nearest to 0.  Three wheels
-    have no null torque, and their only torques are either within the limit or not.
+    f is convex along nu, so that the best admissible nu is the best one of all, clipped to the interval of the
+    admissible ones; of several best ones it is the one nearest to 0, the least norm.  Three wheels have no null
+    torque, and their only torques are either within the limits or not.
 
     Args:
         wheels: input map of three or four wheels.
         wrench: (3, N) [N, N, N m].
-        limit: [N m], of every wheel.
+        limits: one limit [N m] of every wheel, or a range of each.
+        criterion: f.
+        rates: (n, N) [rad/s] phi', where f asks for them.
 
     Returns:
         The allocation; NaN torques where the wrench is out of reach.
 
     Raises:
-        InputError: more than four wheels, wrenches that are not finite or not (3, N), a limit that is not positive.
+        InputError: more than four wheels, or arguments that cannot be meant.
     """
-    wrench, limit = checked(wheels, wrench, limit)
+    return solve(question(wheels, wrench, limits, criterion, rates))
+
+
+def solve(asked: Question) -> Allocation:
+    """The same with checked arguments."""
+    wheels, m = asked.wheels, asked.min_norm
     if wheels.wheel_count > 4:
         raise InputError(
-            f"the closed form is for three or four wheels, not {wheels.wheel_count}; should be the allocation by OSQP"
+            f"the closed form is for three or four wheels, not {wheels.wheel_count}; should be the one for many wheels"
         )
-    min_norm = wheels.min_norm @ wrench
-    torque = min_norm.copy()
-    if wheels.wheel_count == 4:
-        null = wheels.null_torque[:, 0]
-        moved = np.abs(null) > NO_EFFECT
-        middle = min_norm[moved] / -null[moved, None]
-        half = limit / np.abs(null[moved, None])
-        lowest, highest = (middle - half).max(axis=0), (middle + half).min(axis=0)
-        torque += null[:, None] * np.minimum(np.maximum(lowest, 0.0), highest)
-    return allocation_of(wheels, min_norm, limit, torque)
-
-
-def multipliers(wheels: InputMap, torque: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    """lambda, mu with M + C_phi lambda + mu = 0, where one wheel at its limit holds the null torque: mu_i = -nu / n_i.
-
-    Args:
-        wheels: input map of three or four wheels.
-        torque: (n, N) [N m] allocated torques.
-        limit: [N m].
-
-    Returns:
-        Multipliers of the wrench (3, N) and of the limits (n, N); those of a torque that is not the solution prove
-        nothing, which `residuals` shows.
-    """
-    bound = np.zeros_like(torque)
-    if wheels.wheel_count == 4:
-        null = wheels.null_torque[:, 0]
-        pull = -(null @ torque)
-        # A limit only holds back: its multiplier has the sign of the torque.
-        holds = (np.abs(torque) >= limit * (1 - 2 * REACH)) & (pull * null[:, None] * torque > 0)
-        score = np.where(holds, np.abs(null)[:, None], 0.0)
-        wheel, sample = score.argmax(axis=0), np.arange(torque.shape[1])
-        held = score[wheel, sample] > NO_EFFECT
-        bound[wheel[held], sample[held]] = pull[held] / null[wheel[held]]
-    return -wheels.min_norm.T @ (torque + bound), bound
-
-
-def proven(wheels: InputMap, wrench: np.ndarray, torque: np.ndarray, limit: float) -> np.ndarray:
-    """Whether each torque (n, N) is the allocation of its wrench (3, N), by its residuals; (N,)."""
-    force, bound = multipliers(wheels, torque, limit)
-    return np.array(
-        [
-            residuals(wheels, wrench[:, k], limit, torque[:, k], force[:, k], bound[:, k]).prove(limit)
-            for k in range(torque.shape[1])
-        ],
-        dtype=bool,
+    if wheels.wheel_count == 3:
+        return asked.answer(m)
+    null = wheels.null_torque[:, 0]
+    # In this sum a wheel that the null torque does not move has no part, and the zonotope decides for it.
+    moved = np.abs(null) > NO_EFFECT
+    low, high = _interval(null[moved], m[moved], asked.ranges.lower[moved], asked.ranges.upper[moved])
+    first, last = asked.criterion.best_null(wheels, m, asked.rates)
+    nu = np.minimum(np.maximum(first, 0.0), last)
+    nu = np.minimum(np.maximum(nu, low), high)
+    gap = low - high
+    if gap.max(initial=-np.inf) > 0 or not moved.all():
+        # At the border of reach rounding may exchange the ends of what is a point.
+        nu = np.where(gap > 0, (low + high) / 2, nu)
+        return asked.answer(m + null[:, None] * nu)
+    count = len(gap)
+    torque = null[:, None] * nu
+    torque += m
+    return Allocation(
+        torque, np.ones(count, dtype=bool), np.zeros(count), np.full(count, -1), np.zeros(count, dtype=bool)
     )
+
+
+def _interval(
+    null: np.ndarray, torque: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Ends (N,) of the nu that every wheel allows, the first beyond the second where there is none."""
+    column = null[:, None]
+    begin, end = np.where(column > 0, lower, upper) / column, np.where(column > 0, upper, lower) / column
+    place = torque / column
+    return (begin - place).max(axis=0), (end - place).min(axis=0)

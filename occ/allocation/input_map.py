@@ -1,4 +1,4 @@
-"""How wheel torques make a wrench, C_phi^T M = Pi, and which wrenches a torque limit lets the wheels reach."""
+"""How wheel torques make a wrench, C_phi^T M = Pi, and what follows from the wheel set alone."""
 
 from __future__ import annotations
 
@@ -57,19 +57,6 @@ class InputMap:
         Source: Ziegler, Lectures on Polytopes, chapter 7 (zonotopes); duality of the largest and the sum norm.
         """
         return np.asarray(np.abs(self.facets @ torque).max(axis=0))
-
-    def critical_wheel(self, torque: np.ndarray) -> np.ndarray:
-        """Of the wheels that are all at the least possible largest torque, the one with most minimum-norm torque.
-
-        Args:
-            torque: (n, N) [N m] minimum-norm torques.
-
-        Returns:
-            (N,) wheel, counted from 0.
-        """
-        facet = np.abs(self.facets @ torque).argmax(axis=0)
-        loaded = np.abs(self.facets[facet].T) > PARALLEL
-        return np.asarray(np.where(loaded, np.abs(torque), -1.0).argmax(axis=0))
 
 
 def input_map(wheel_rates: np.ndarray) -> InputMap:

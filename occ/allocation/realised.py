@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from occ.allocation import closed_form
-from occ.allocation.input_map import InputMap
-from occ.allocation.osqp_qp import BoxLimitedQp
-from occ.allocation.result import Allocation
+from occ.allocation.allocator import Allocator, solve
+from occ.allocation.ranges import limit_parts
+from occ.allocation.reach import zonotope
+from occ.allocation.residuals import PROOF, certified
+from occ.allocation.result import Allocation, Question
 from occ.control import Control
 from occ.errors import Status
 
@@ -20,10 +21,6 @@ States = Callable[[np.ndarray], np.ndarray]
 
 NEAR = 0.95
 """Peaks between samples are looked for where a sample comes this near to the limit."""
-AGREEMENT = 1e-7
-"""Largest difference between closed form and OSQP, relative to the limit."""
-AT_LIMIT = 1e-9
-"""A torque this near to its limit, relative to it, is on it."""
 SAME_TIME = 1e-9
 """Times closer than this part of the horizon are one."""
 
@@ -36,84 +33,51 @@ class Realised:
         control: what is handed to the referee; None where there is none.
         status: ``OK``, ``INFEASIBLE`` (a wrench is out of reach) or ``FAILED`` (the allocation could not be shown).
         message: why, in words with numbers and units.
-        statistics: of the solver.
+        as_demanded: whether every wrench is the law's own; False where a rule for wrenches out of reach changed some.
+        statistics: of the allocation.
     """
 
     control: Control | None
     status: Status = Status.OK
     message: str = ""
+    as_demanded: bool = True
     statistics: dict[str, Any] = field(default_factory=dict)
 
 
-class BoxLimited:
-    """The allocation of least norm within the box, by the closed form where there is one, else by OSQP.
-
-    Args:
-        wheels: the input map.
-        limit: [N m].
-    """
-
-    def __init__(self, wheels: InputMap, limit: float) -> None:
-        self.wheels, self.limit = wheels, limit
-        self.by_qp = BoxLimitedQp(wheels, limit)
-        self.has_closed_form = wheels.wheel_count <= 4
-
-    def allocate(self, min_norm: np.ndarray) -> Allocation:
-        """From minimum-norm torques (n, N) [N m]."""
-        wrench = self.wheels.wrench(min_norm)
-        if self.has_closed_form:
-            return closed_form.allocate(self.wheels, wrench, self.limit)
-        return self.by_qp.allocate(wrench)
-
-    def torque(self, min_norm: np.ndarray) -> np.ndarray:
-        """Torques (n, N) [N m]; the minimum norm itself where it holds the limit, and where nothing does.
-
-        In the latter case the wrench is kept and the limit is not, which every check of the limit sees.
-        """
-        torque = min_norm.copy()
-        over = np.abs(min_norm).max(axis=0) > self.limit
-        if over.any():
-            found = self.allocate(min_norm[:, over])
-            torque[:, over] = np.where(found.reachable, found.torque, min_norm[:, over])
-        return torque
-
-
 class AllocatedControl:
-    """M(t, x) of least norm within the box, from a control with minimum-norm torques.
+    """M(t, x) by an allocation, from a control with minimum-norm torques; the wheel rates are those of the state.
 
     Args:
         min_norm: the law's own control.
-        box: the allocation.
-        knots: (K,) [s] times at which a wheel comes on to its limit or leaves it.
+        allocator: limits, criterion and rule.
+        knots: (K,) [s] times at which the torques are not smooth.
     """
 
-    def __init__(self, min_norm: Control, box: BoxLimited, knots: np.ndarray) -> None:
-        self.min_norm, self.box, self._knots = min_norm, box, knots
+    def __init__(self, min_norm: Control, allocator: Allocator, knots: np.ndarray) -> None:
+        self.min_norm, self.allocator, self._knots = min_norm, allocator, knots
 
     @property
     def knots(self) -> np.ndarray:
         return np.union1d(self.min_norm.knots, self._knots)
 
     def torque(self, t: np.ndarray, state: np.ndarray) -> np.ndarray:
-        return self.box.torque(self.min_norm.torque(t, state))
+        return self.allocator.torque(self.min_norm.torque(t, state), self.allocator.wheels.wheel_rates @ state[3:])
 
     def segment(self, start: float, end: float) -> Callable[[float, np.ndarray], np.ndarray]:
-        inner, box = self.min_norm.segment(start, end), self.box
+        inner, allocator = self.min_norm.segment(start, end), self.allocator
+        rates = allocator.wheels.wheel_rates
 
         def torque(t: float, state: np.ndarray) -> np.ndarray:
-            m = inner(t, state)
-            # Most calls end here, where speed counts.
-            return m if np.abs(m).max() <= box.limit else box.torque(m[:, None])[:, 0]
+            return allocator.torque(inner(t, state)[:, None], (rates @ state[3:])[:, None])[:, 0]
 
         return torque
 
 
-def realise(wheels: InputMap, limit: float, control: Control, states: States, t: np.ndarray) -> Realised:
+def realise(allocator: Allocator, control: Control, states: States, t: np.ndarray) -> Realised:
     """Allocate a law's wrenches along its own motion, between the samples too.
 
     Args:
-        wheels: the input map.
-        limit: [N m], of every wheel.
+        allocator: limits, criterion and rule.
         control: of the law, with minimum-norm torques.
         states: the law's motion.
         t: (N,) [s] samples, the ends of the horizon among them.
@@ -121,65 +85,85 @@ def realise(wheels: InputMap, limit: float, control: Control, states: States, t:
     Returns:
         The control with allocated torques, or why there is none.
     """
-    box = BoxLimited(wheels, limit)
 
-    def min_norm(times: np.ndarray) -> np.ndarray:
-        return control.torque(times, states(times))
+    def ask(times: np.ndarray) -> Question:
+        state = states(times)
+        return allocator.ask(control.torque(times, state), allocator.wheels.wheel_rates @ state[3:])
 
-    def loads(times: np.ndarray) -> np.ndarray:
-        torque = min_norm(times)
-        return np.vstack([np.abs(torque), np.abs(wheels.facets @ torque)]) / limit
-
-    t = np.union1d(t, peak_times(loads, t))
-    torque = min_norm(t)
-    if not np.isfinite(torque).all():
+    if not np.isfinite(ask(t).min_norm).all():
         return Realised(None, Status.FAILED, "the law's torques are not finite along its own motion")
-    over = np.abs(torque).max(axis=0) > limit
-    if not over.any():
-        return Realised(AllocatedControl(control, box, np.array([])))
-    found = box.allocate(torque[:, over])
-    if not (found.reachable | found.failed).all():
-        return Realised(None, Status.INFEASIBLE, _out_of_reach(found, t[over], limit))
-    wrench = wheels.wrench(torque[:, over])
-    by_qp = box.by_qp.allocate(wrench) if box.has_closed_form else found
-    # Where OSQP decides nothing, as at the very border of what is in reach, the closed form has to prove itself.
-    undecided = by_qp.failed.copy()
-    if box.has_closed_form and undecided.any():
-        undecided[undecided] = ~closed_form.proven(wheels, wrench[:, undecided], found.torque[:, undecided], limit)
-    if undecided.any():
-        when = t[over][undecided.argmax()]
+    t = np.union1d(t, peak_times(lambda times: _loads(ask(times)), t))
+    asked = ask(t)
+    found = solve(asked)
+    reachable = found.reachable
+    if found.failed.any():
+        when = t[found.failed.argmax()]
         return Realised(
-            None, Status.FAILED, f"allocation: what OSQP returns at t = {when:.3f} s fails its recomputed residuals"
+            None, Status.FAILED, f"allocation: neither a torque nor its impossibility is shown at t = {when:.3f} s"
         )
-    difference = np.where(by_qp.failed, 0.0, np.abs(found.torque - by_qp.torque).max(axis=0))
-    if not difference.max() <= AGREEMENT * limit:
-        k = int(difference.argmax())
+    proof = certified(asked.of(reachable), found.torque[:, reachable])
+    if not proof.prove.all():
+        k = int(np.nan_to_num(proof.largest, nan=np.inf).argmax())
         return Realised(
             None,
             Status.FAILED,
-            f"allocation: closed form and OSQP differ by {difference[k]:.3g} N m at t = {t[over][k]:.3f} s",
+            f"allocation: the torque at t = {t[reachable][k]:.3f} s fails its recomputed residuals "
+            f"({proof.largest[k]:.3g}, relative; at most {PROOF:g} is a proof)",
         )
+    moved = np.abs(found.torque - asked.min_norm).max(axis=0) > PROOF * np.abs(asked.min_norm).max()
     statistics = {
-        "allocated_samples": int(over.sum()),
-        "undecided_by_osqp": int(by_qp.failed.sum()),
-        "allocation_residual": box.by_qp.worst,
-        "allocation_difference_Nm": float(difference.max()),
+        "samples": len(t),
+        "allocated_samples": int(moved[reachable].sum()),
+        "allocation_residual": float(proof.largest.max(initial=0.0)),
     }
+    if not reachable.all():
+        message = _out_of_reach(allocator, asked, found, t)
+        if allocator.rule is None:
+            return Realised(None, Status.INFEASIBLE, message)
+        # Where B leaves its program nobody knows beforehand when the torques meet their limits.
+        return Realised(
+            AllocatedControl(control, allocator, np.array([])),
+            message=f"{message}; rule {allocator.rule}: B leaves its program",
+            as_demanded=False,
+            statistics=statistics | {"out_of_reach_samples": int((~reachable).sum())},
+        )
 
-    def on_limit(times: np.ndarray) -> np.ndarray:
-        m = box.torque(min_norm(times))
-        return np.sign(m) * (np.abs(m) >= limit * (1 - AT_LIMIT))
+    def form(times: np.ndarray) -> np.ndarray:
+        here = ask(times)
+        torque = allocator.torque(here.min_norm, here.rates)
+        return np.vstack([here.ranges.side(torque), here.criterion.form(torque, here.rates)])
 
-    return Realised(AllocatedControl(control, box, change_times(on_limit, t)), statistics=statistics)
+    return Realised(AllocatedControl(control, allocator, change_times(form, t)), statistics=statistics)
 
 
-def _out_of_reach(found: Allocation, t: np.ndarray, limit: float) -> str:
+def _loads(asked: Question) -> np.ndarray:
+    """(k, N) How far each facet of the reachable wrenches and each minimum-norm torque is loaded; 1 is the limit."""
+    reach, m, ranges = zonotope(asked.wheels), asked.min_norm, asked.ranges
+    along, against = reach.bounds(ranges)
+    values = reach.rows @ m
+    half = np.maximum((ranges.upper - ranges.lower).min(axis=0) / 2, 1e-12)
+    over = np.vstack([values - along, -values - against, m - ranges.upper, ranges.lower - m])
+    return 1.0 + over / half
+
+
+def _out_of_reach(allocator: Allocator, asked: Question, found: Allocation, t: np.ndarray) -> str:
     k = int(found.excess.argmax())
-    excess = float(found.excess[k])
+    excess, wheel = float(found.excess[k]), int(found.wheel[k])
+    one = asked.of(np.array([k]))
+    upper = float(one.min_norm[wheel, 0]) > 0
+    bound = float((one.ranges.upper if upper else -one.ranges.lower)[wheel, 0])
     amount = f"{excess:.4f}" if excess >= 5e-5 else f"{excess:.1g}"
+    parts = limit_parts(allocator.limits, one.rates)
+    name = min(parts, key=lambda part: float((parts[part].upper if upper else -parts[part].lower)[wheel, 0]))
+    rate, limits = float(one.rates[wheel, 0]), allocator.limits
+    source = {
+        "torque": f"limit {bound:g} N m",
+        "power": f"limit {bound:.4f} N m by {limits.wheel_power or 0:g} W at {rate:.3f} rad/s",
+        "voltage": f"limit {bound:.4f} N m by the torque-speed line at {rate:.3f} rad/s",
+    }[name]
     return (
-        f"wheel {found.wheel[k] + 1} torque needs {limit + excess:.4f} N m at t = {t[k]:.3f} s even with the best "
-        f"allocation; limit {limit:g} N m ({amount} N m too much)"
+        f"wheel {wheel + 1} torque needs {bound + excess:.4f} N m at t = {t[k]:.3f} s even with the best "
+        f"allocation; {source} ({amount} N m too much)"
     )
 
 

@@ -1,54 +1,102 @@
-"""The same allocation written as it is meant, in CVXPY: for tests and for readers."""
+"""Every allocation written as it is meant, in CVXPY with parameters: for tests and for readers."""
 
 from __future__ import annotations
 
+import warnings
+from typing import Any, NamedTuple
+
 import numpy as np
 
+from occ.allocation.criteria import LEAST_NORM, Criterion, ElectricPower, LargestTorque, WeightedNorm
 from occ.allocation.input_map import InputMap
-from occ.allocation.result import checked
+from occ.allocation.ranges import TorqueRange
+from occ.allocation.result import question
+from occ.errors import InputError
+
+FAR = 100.0
+"""Limits beyond so many times the torques are left out."""
 
 
-def least_norm(wheels: InputMap, wrench: np.ndarray, limit: float) -> np.ndarray | None:
-    """min |M|^2 subject to C_phi^T M = Pi, |M_i| <= limit.
+class Written(NamedTuple):
+    """What CVXPY found for one wrench.
+
+    Args:
+        torque: (n,) [N m]; None where there is none.
+        value: f; infinite where the wrench is out of reach, NaN where the solver cannot tell.
+        force: (3,) multipliers lambda of C_phi^T M = Pi.
+    """
+
+    torque: np.ndarray | None
+    value: float
+    force: np.ndarray | None
+
+
+class Reference:
+    """min f(M) subject to C_phi^T M = Pi, lower <= M <= upper; compiled once, solved for many parameters.
 
     Args:
         wheels: the input map.
-        wrench: (3,) [N, N, N m].
-        limit: [N m].
-
-    Returns:
-        (n,) [N m], or None where the wrench is out of reach.
-
-    Raises:
-        InputError: a wrench that is not finite or not (3,), or a limit that is not positive.
+        criterion: f.
     """
-    import cvxpy as cp
 
-    pi, box = checked(wheels, np.asarray(wrench)[..., None], limit)
-    torque = cp.Variable(wheels.wheel_count)
-    # In units of the limit, so that the solver's tolerances are parts of it.
-    made = wheels.wheel_rates.T @ torque
-    problem = cp.Problem(cp.Minimize(cp.sum_squares(torque)), [made == pi[:, 0] / box, cp.abs(torque) <= 1])
-    problem.solve(solver=cp.CLARABEL)
-    return None if torque.value is None else np.asarray(torque.value) * box
+    def __init__(self, wheels: InputMap, criterion: Criterion = LEAST_NORM) -> None:
+        import cvxpy as cp
 
+        criterion.check(wheels.wheel_count)
+        n = wheels.wheel_count
+        self.wheels, self.criterion = wheels, criterion
+        self._wrench, self._rates = cp.Parameter(3), cp.Parameter(n)
+        self._lower, self._upper = cp.Parameter(n), cp.Parameter(n)
+        self._torque = cp.Variable(n)
+        self._made = wheels.wheel_rates.T @ self._torque == self._wrench
+        within = [self._torque >= self._lower, self._torque <= self._upper]
+        self._problem = cp.Problem(cp.Minimize(self._objective(self._torque)), [self._made, *within])
 
-def least_peak(wheels: InputMap, wrench: np.ndarray) -> float:
-    """min max_i |M_i| subject to C_phi^T M = Pi.
+    def _objective(self, torque: Any) -> Any:
+        """f as one would write it on paper."""
+        import cvxpy as cp
 
-    Args:
-        wheels: the input map.
-        wrench: (3,) [N, N, N m].
+        match self.criterion:
+            case WeightedNorm() as norm:
+                return cp.sum(cp.multiply(norm.of(self.wheels.wheel_count)[:, 0], cp.square(torque)))
+            case LargestTorque():
+                return cp.norm_inf(torque)
+            case ElectricPower(loss=loss):
+                power = cp.multiply(self._rates, torque) + loss * cp.square(torque)
+                return cp.sum(cp.pos(power))
+            case _:
+                raise InputError(f"no reference for {type(self.criterion).__name__}")
 
-    Returns:
-        [N m].
+    def solve(self, wrench: np.ndarray, limits: float | TorqueRange, rates: np.ndarray | None = None) -> Written:
+        """One wrench.
 
-    Raises:
-        InputError: a wrench that is not finite or not (3,).
-    """
-    import cvxpy as cp
+        Args:
+            wrench: (3,) [N, N, N m].
+            limits: one limit [N m] of every wheel, or a range of each (n, 1).
+            rates: (n,) [rad/s] phi', where f asks for them.
 
-    pi, _ = checked(wheels, np.asarray(wrench)[..., None], 1.0)
-    torque = cp.Variable(wheels.wheel_count)
-    problem = cp.Problem(cp.Minimize(cp.norm_inf(torque)), [wheels.wheel_rates.T @ torque == pi[:, 0]])
-    return float(problem.solve(solver=cp.CLARABEL))
+        Returns:
+            Torque, value and multipliers.
+
+        Raises:
+            InputError: arguments that cannot be meant.
+        """
+        import cvxpy as cp
+
+        columns = None if rates is None else np.asarray(rates)[..., None]
+        asked = question(self.wheels, np.asarray(wrench)[..., None], limits, self.criterion, columns)
+        n = self.wheels.wheel_count
+        self._wrench.value, self._rates.value = asked.wrench[:, 0], np.broadcast_to(asked.rates[:, 0], n)
+        # An interior point is not helped by limits that are nowhere near.
+        far = FAR * max(1.0, float(np.abs(asked.min_norm).max()))
+        self._lower.value, self._upper.value = (
+            b[:, 0].clip(-far, far) for b in (asked.ranges.lower, asked.ranges.upper)
+        )
+        try:
+            with warnings.catch_warnings(action="ignore", category=UserWarning):
+                value = self._problem.solve(solver=cp.CLARABEL, tol_gap_abs=1e-10, tol_gap_rel=1e-10, tol_feas=1e-10)
+        except cp.SolverError:
+            return Written(None, np.nan, None)
+        if self._problem.status != cp.OPTIMAL:
+            return Written(None, np.inf if self._problem.status == cp.INFEASIBLE else np.nan, None)
+        return Written(np.asarray(self._torque.value), float(value), np.asarray(self._made.dual_value))

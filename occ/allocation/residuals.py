@@ -1,4 +1,4 @@
-"""What proves that a torque is the box-limited allocation of least norm, or that there is none: no word of a solver."""
+"""What proves that a torque is the best allocation, or that there is none: no word of a solver."""
 
 from __future__ import annotations
 
@@ -6,79 +6,105 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occ.allocation.input_map import InputMap
+from occ.allocation.input_map import PARALLEL, InputMap
+from occ.allocation.ranges import TorqueRange
+from occ.allocation.result import Question
 
 PROOF = 1e-9
-"""Largest residual of a proven torque, relative to the limit (the gap: to its square)."""
+"""Largest residual of a proven torque, relative to the sizes of what is compared."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Residuals:
-    """How far a point is from being the solution of min |M|^2/2, C_phi^T M = Pi, |M_i| <= limit.
+    """How far torques are from being the solutions of min f(M), C_phi^T M = Pi, lower <= M <= upper; each (N,).
 
     Args:
         wrench: [N m] largest torque whose wrench is C_phi^T M - Pi.
-        box: [N m] largest excess over the limit.
-        stationarity: [N m] largest entry of M + C_phi lambda + mu.
-        gap: [N^2 m^2] primal objective minus dual objective of the multipliers alone.
+        limits: [N m] largest excess over a limit.
+        value: f of the torques.
+        size: of the terms of f, which measures rounding.
+        bound: the dual function at the multipliers alone: no torque has a smaller f.
+        torque_size: [N m] largest torque, which measures rounding.
     """
 
-    wrench: float
-    box: float
-    stationarity: float
-    gap: float
+    wrench: np.ndarray
+    limits: np.ndarray
+    value: np.ndarray
+    size: np.ndarray
+    bound: np.ndarray
+    torque_size: np.ndarray
 
-    def prove(self, limit: float) -> bool:
-        """Whether the point solves the problem; False, too, where a residual is not a number."""
-        return self.largest(limit) <= PROOF
+    @property
+    def gap(self) -> np.ndarray:
+        """(N,) Value minus bound, relative to the size of the value's terms."""
+        return (self.value - self.bound) / np.maximum(self.size, 1e-6)
 
-    def largest(self, limit: float) -> float:
-        """The largest residual, relative to the limit [N m] (the gap: to its square)."""
-        parts = np.array([self.wrench, self.box, self.stationarity, abs(self.gap) / limit])
-        return float(parts.max() / limit)
+    @property
+    def largest(self) -> np.ndarray:
+        """(N,) The largest residual, relative; NaN where one is not a number."""
+        size = np.maximum(self.torque_size, 1e-6)
+        return np.asarray(np.max([self.wrench / size, self.limits / size, np.abs(self.gap)], axis=0))
+
+    @property
+    def prove(self) -> np.ndarray:
+        """(N,) Whether the torques are the solutions; False, too, where a residual is not a number."""
+        return self.largest <= PROOF
 
 
-def residuals(
-    wheels: InputMap, wrench: np.ndarray, limit: float, torque: np.ndarray, force: np.ndarray, bound: np.ndarray
-) -> Residuals:
-    """Residuals of the Karush-Kuhn-Tucker conditions from the problem alone.
-
-    The dual objective -|C_phi lambda + mu|^2/2 - lambda Pi - limit sum |mu_i| holds for every lambda and mu, so that
-    a gap of zero proves the torque optimal without any word of the solver.
+def residuals(asked: Question, torque: np.ndarray, force: np.ndarray) -> Residuals:
+    """Residuals of the primal and the dual problem, from the problem and its supposed solution alone.
 
     Args:
-        wheels: the input map.
-        wrench: (3,) Pi.
-        limit: [N m].
-        torque: (n,) M.
-        force: (3,) lambda, multipliers of the wrench.
-        bound: (n,) mu, multipliers of the limits, with the sign of the torque that they hold.
+        asked: the problem.
+        torque: (n, N) [N m] M.
+        force: (3, N) lambda, multipliers of the wrench; any numbers give a bound, the right ones a tight one.
 
     Returns:
         The residuals.
 
-    Source: Boyd and Vandenberghe, Convex Optimization, 5.5.
+    Source: Boyd and Vandenberghe, Convex Optimization, 5.5 (weak duality, gap).
     """
-    pull = wheels.wheel_rates @ force + bound
-    dual = -pull @ pull / 2 - force @ wrench - limit * np.abs(bound).sum()
+    wheels = asked.wheels
     return Residuals(
-        wrench=float(np.abs(wheels.min_norm @ (wheels.wheel_rates.T @ torque - wrench)).max()),
-        box=float(np.maximum(np.abs(torque).max() - limit, 0.0)),
-        stationarity=float(np.abs(torque + pull).max()),
-        gap=float(torque @ torque / 2 - dual),
+        wrench=np.abs(wheels.min_norm @ (wheels.wrench(torque) - asked.wrench)).max(axis=0),
+        limits=asked.ranges.excess(torque),
+        value=asked.criterion.value(torque, asked.rates),
+        size=asked.criterion.size(torque, asked.rates),
+        bound=asked.criterion.lower_bound(wheels, asked.wrench, asked.ranges, asked.rates, force),
+        torque_size=np.abs(torque).max(axis=0),
     )
 
 
-def proven_peak(wheels: InputMap, wrench: np.ndarray, force: np.ndarray) -> float:
-    """max_i |M_i| >= |w Pi| / sum_i |(C_phi w)_i| for every M of the wrench and every w.
+def certified(asked: Question, torque: np.ndarray) -> Residuals:
+    """Residuals of torques (n, N) with the multipliers that follow from them.
+
+    Args:
+        asked: the problem.
+        torque: (n, N) [N m].
+
+    Returns:
+        The residuals; they prove the torques or show that these are not the solutions.
+    """
+    return residuals(asked, torque, asked.criterion.multipliers(asked.wheels, torque, asked.ranges, asked.rates))
+
+
+def proven_excess(wheels: InputMap, wrench: np.ndarray, ranges: TorqueRange, force: np.ndarray) -> np.ndarray:
+    """sum |y_i| e >= w Pi - max of y M within the ranges, y = C_phi w: what the limits lack, for every w.
 
     Args:
         wheels: the input map.
-        wrench: (3,) Pi.
-        force: (3,) w, any vector: the certificate.
+        wrench: (3, N) Pi.
+        ranges: of the wheels.
+        force: (3, N) w, any vectors: the certificates.
 
     Returns:
-        [N m] what the certificate proves to be needed; 0 where it proves nothing.
+        (N,) [N m] by which every limit would have to be wider at least; negative where nothing is proven.
     """
-    size = float(np.abs(wheels.wheel_rates @ force).sum())
-    return abs(float(force @ wrench)) / size if size > 0 and np.isfinite(size) else 0.0
+    rows = wheels.wheel_rates @ force
+    # A wheel without a limit is not loaded by rounding.
+    rows = np.where(np.abs(rows) > PARALLEL * np.abs(rows).sum(axis=0), rows, 0.0)
+    size = np.abs(rows).sum(axis=0)
+    most = np.where(rows > 0, ranges.upper, ranges.lower) * rows
+    lacking = (force * wrench).sum(axis=0) - most.sum(axis=0)
+    good = np.isfinite(lacking) & (size > 0)
+    return np.where(good, lacking / np.where(good, size, 1.0), -np.inf)

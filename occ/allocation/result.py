@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from occ.allocation.criteria import Criterion
 from occ.allocation.input_map import InputMap
+from occ.allocation.ranges import TorqueRange, checked_range
+from occ.allocation.reach import tolerance, zonotope
 from occ.errors import InputError
-
-REACH = 1e-9
-"""A wrench whose least possible largest torque passes the limit by less than this part of it counts as reachable."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,9 +19,9 @@ class Allocation:
 
     Args:
         torque: (n, N) [N m]; NaN where no torque was found.
-        reachable: (N,) whether some torque within the limit makes the wrench.
-        excess: (N,) [N m] by how much the least possible largest torque passes the limit; 0 where reachable.
-        wheel: (N,) wheel (from 0) on which it does; -1 where reachable.
+        reachable: (N,) whether some torque within the limits makes the wrench.
+        excess: (N,) [N m] by how much every wheel's limits would have to be wider; 0 where reachable.
+        wheel: (N,) wheel (from 0) that lacks it; -1 where reachable.
         failed: (N,) whether neither a torque nor its impossibility could be shown.
     """
 
@@ -32,62 +32,100 @@ class Allocation:
     failed: np.ndarray
 
 
-def allocation_of(
-    wheels: InputMap, min_norm: np.ndarray, limit: float, torque: np.ndarray, failed: np.ndarray | None = None
-) -> Allocation:
-    """The result for given torques: reach, excess and wheel follow from the wrenches alone.
+@dataclass(frozen=True, eq=False)
+class Question:
+    """The checked arguments of an allocation.
 
     Args:
         wheels: the input map.
-        min_norm: (n, N) [N m] minimum-norm torques.
-        limit: [N m].
-        torque: (n, N) [N m], meaningless where out of reach.
-        failed: (N,) see `Allocation`.
-
-    Returns:
-        The allocation.
+        wrench: (3, N) Pi.
+        min_norm: (n, N) [N m] minimum-norm torques of the wrenches.
+        ranges: of the wheels.
+        criterion: what is least.
+        rates: (n, N) [rad/s] phi', or zeros (n, 1) where the criterion asks for none.
     """
-    excess = wheels.least_peak(min_norm) - limit
-    reachable = excess <= REACH * limit
-    wheel = np.full(len(reachable), -1)
-    failed = np.zeros(len(reachable), dtype=bool) if failed is None else failed
-    if not reachable.all():
+
+    wheels: InputMap
+    wrench: np.ndarray
+    min_norm: np.ndarray
+    ranges: TorqueRange
+    criterion: Criterion
+    rates: np.ndarray
+
+    def answer(self, torque: np.ndarray, failed: np.ndarray | None = None) -> Allocation:
+        """The result for given torques (n, N): reach, excess and wheel follow from the wrenches alone."""
+        reach = zonotope(self.wheels)
+        excess, row = reach.excess(self.min_norm, self.ranges)
+        reachable = excess <= tolerance(self.min_norm)
+        wheel = np.full(len(reachable), -1)
+        failed = np.zeros(len(reachable), dtype=bool) if failed is None else failed
         out = ~reachable
-        wheel[out] = wheels.critical_wheel(min_norm[:, out])
-        torque[:, out] = np.nan
-    excess[reachable] = 0.0
-    torque[:, failed] = np.nan
-    return Allocation(torque, reachable & ~failed, excess, wheel, failed)
+        if out.any():
+            wheel[out] = reach.binding(row[out], self.min_norm[:, out], self.ranges.of(out))
+        torque = np.where(reachable & ~failed, torque, np.nan)
+        return Allocation(torque, reachable & ~failed, np.where(reachable, 0.0, excess), wheel, failed)
+
+    def of(self, which: np.ndarray) -> Question:
+        """The same about some of the samples."""
+        rates = self.rates if self.rates.shape[1] == 1 else self.rates[:, which]
+        return Question(
+            self.wheels,
+            self.wrench[:, which],
+            self.min_norm[:, which],
+            self.ranges.of(which),
+            self.criterion,
+            rates,
+        )
 
 
-def checked(wheels: InputMap, wrench: np.ndarray, limit: float) -> tuple[np.ndarray, float]:
+def question(
+    wheels: InputMap,
+    wrench: np.ndarray,
+    limits: float | TorqueRange,
+    criterion: Criterion,
+    rates: np.ndarray | None = None,
+) -> Question:
     """The arguments of an allocation as numbers that can be meant.
 
     Args:
         wheels: the input map.
         wrench: (3, N) [N, N, N m].
-        limit: [N m].
+        limits: one limit [N m] of every wheel, or a range of each.
+        criterion: what is least.
+        rates: (n, N) [rad/s] phi', where the criterion asks for them.
 
     Returns:
-        Wrench and limit.
+        The same, checked.
 
     Raises:
         InputError: names what is wrong and what would be right.
     """
+    wrench = _numbers("wrench", wrench, (3, -1))
+    count, samples = wheels.wheel_count, wrench.shape[1]
+    criterion.check(count)
+    ranges = checked_range(limits, count, samples)
+    if rates is None:
+        if criterion.needs_rates:
+            raise InputError(
+                f"rates should be given as an array (n, N) in rad/s: {type(criterion).__name__} asks for them"
+            )
+        rates = np.zeros((count, 1))
+    else:
+        rates = _numbers("rates", rates, (count, samples))
+    return Question(wheels, wrench, wheels.min_norm @ wrench, ranges, criterion, rates)
+
+
+def _numbers(name: str, value: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    wanted = f"({shape[0]}, {'N' if shape[1] < 0 else shape[1]})"
     try:
-        wrench = np.asarray(wrench, dtype=float)
+        array = np.asarray(value, dtype=float)
     except (TypeError, ValueError) as error:
-        raise InputError(f"wrench should be an array of numbers of the shape (3, N), not {wrench!r}") from error
-    if wrench.ndim != 2 or len(wrench) != 3:
-        raise InputError(f"wrench should have the shape (3, N), not {wrench.shape}")
-    bad = ~np.isfinite(wrench).all(axis=0)
-    if bad.any():
-        raise InputError(f"wrench should be finite; sample {int(bad.argmax())} is {wrench[:, bad.argmax()].tolist()}")
-    return wrench, checked_limit(limit)
-
-
-def checked_limit(limit: float) -> float:
-    """|M_i| <= limit [N m]; InputError where it is not a positive number."""
-    if isinstance(limit, bool) or not isinstance(limit, int | float | np.number) or not 0 < limit < np.inf:
-        raise InputError(f"limit should be a positive finite number of N m, not {limit!r}")
-    return float(limit)
+        raise InputError(f"{name} should be an array of numbers of the shape {wanted}, not {value!r}") from error
+    if array.ndim != 2 or len(array) != shape[0] or shape[1] not in (-1, array.shape[1]):
+        raise InputError(f"{name} should have the shape {wanted}, not {array.shape}")
+    if not np.isfinite(array.sum()):
+        bad = ~np.isfinite(array).all(axis=0)
+        if bad.any():
+            k = int(bad.argmax())
+            raise InputError(f"{name} should be finite; sample {k} is {array[:, k].tolist()}")
+    return array

@@ -19,6 +19,7 @@ from occ.theory.attractors import CRITICAL, Attractor, find_attractors
 from occ.theory.circle import CircleQuantities, circle_quantities
 from occ.theory.coefficients import YawCoefficients, yaw_coefficients
 from occ.theory.equation import ScaledEquation, scaled_equation, yaw_acceleration
+from occ.theory.law_power import long_run_section
 from occ.theory.orbits import Orbits, one_turn, rotating_orbit
 from occ.theory.stability import eigenvalues, stable_radii, sufficient
 from occ.theory.wheels import WheelDemand, wheel_demand
@@ -68,7 +69,7 @@ def circle_setting(task: Task) -> Setting:
 
 
 def circle_summary(task: Task) -> dict[str, Any]:
-    """Regime, steady rotations, attractors, periods and wheel demands of a task on a circle.
+    """Regime, steady rotations, attractors, periods, wheel demands and long-run power of a task on a circle.
 
     Args:
         task: whose motion is a circle.
@@ -199,4 +200,10 @@ def _rotational(s: Setting) -> dict[str, Any]:
     return (_rotation(found.orbit) if found else {"period_s": None, "mean_yaw_rate_rad_s": None}) | periods
 
 
-SECTIONS: tuple[Callable[[Setting], dict[str, Any]], ...] = (_quantities, _stability, _rotational, _attractors)
+SECTIONS: tuple[Callable[[Setting], dict[str, Any]], ...] = (
+    _quantities,
+    _stability,
+    _rotational,
+    _attractors,
+    long_run_section,
+)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from occ.allocation import BoxQp, MinNorm
+from occ.allocation import BoxQp, Copper, Electric, MinMax, MinNorm, Weighted
 from occ.errors import InputError
 from occ.experiment.load import ExperimentError, load_experiment
 from occ.laws import PrescribedRotation, ServoLaw
@@ -45,7 +45,18 @@ class TestOption:
             ('{ kind = "box_pq" }', ['servo law.allocation.kind: unknown name ("box_pq")', '"box_qp"']),
             ('{ kind = "box_qp", limit = 1.0 }', ["servo law.allocation.limit: unknown key"]),
             ('"box_qp"', ["servo law.allocation: wrong type", "a table"]),
-            ("{}", ["servo law.allocation.kind: missing", "min_norm, box_qp"]),
+            ("{}", ["servo law.allocation.kind: missing", "min_norm, box_qp, weighted, min_max, copper, electric"]),
+            ('{ kind = "min_norm", out_of_reach = "scale" }', ["servo law.allocation:", '"scale"', "box_qp"]),
+            (
+                '{ kind = "box_qp", out_of_reach = "nearest" }',
+                ["allocation.out_of_reach:", '"nearest"', "valid: closest, translation_first"],
+            ),
+            ('{ kind = "weighted" }', ["allocation.weights: missing"]),
+            ('{ kind = "weighted", weights = [1.0, 2.0] }', ["allocation.weights:", "at least 3"]),
+            ('{ kind = "weighted", weights = [1.0, 2.0, 0.0, 1.0] }', ["allocation.weights #3:", "(0.0)"]),
+            ('{ kind = "weighted", weights = [1.0, 2.0, 3.0] }', ["servo law: allocation.weights should be 4 numbers"]),
+            ('{ kind = "copper", losses = [1.0, 2.0, 3.0] }', ["servo law: allocation.losses should be 4 numbers"]),
+            ('{ kind = "electric", loss = 0.0 }', ["allocation.loss:", "(0.0)", "greater than 0"]),
         ],
     )
     def test_wrong_tables(self, tmp_path: Path, table: str, words: list[str]) -> None:
@@ -57,7 +68,26 @@ class TestOption:
         for word in words:
             assert word in line
 
-    @pytest.mark.parametrize("name", ["limits", "limits_fast"])
+    @pytest.mark.parametrize(
+        ("table", "option"),
+        [
+            ('{ kind = "box_qp", out_of_reach = "closest" }', BoxQp(out_of_reach="closest")),
+            ('{ kind = "min_max", out_of_reach = "scale" }', MinMax(out_of_reach="scale")),
+            ('{ kind = "weighted", weights = [1, 2.0, 3.0, 4.0] }', Weighted(weights=(1.0, 2.0, 3.0, 4.0))),
+            ('{ kind = "copper" }', Copper()),
+            (
+                '{ kind = "electric", loss = 2.0, out_of_reach = "rotation_first" }',
+                Electric(loss=2.0, out_of_reach="rotation_first"),
+            ),
+        ],
+    )
+    def test_every_kind(self, tmp_path: Path, table: str, option: Any) -> None:
+        path = tmp_path / "a.toml"
+        path.write_text(tiny(('kind = "servo"', f'kind = "servo"\nallocation = {table}')))
+        (case,) = load_experiment(path).cases
+        assert case.players()["servo law"] == ServoLaw(allocation=option)
+
+    @pytest.mark.parametrize("name", ["limits"])
     def test_shipped_experiments(self, name: str) -> None:
         experiment = load_experiment(ROOT / "experiments" / f"{name}.toml")
         assert experiment.cases

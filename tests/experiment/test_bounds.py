@@ -82,3 +82,50 @@ def test_certified_bound_is_checked_also_where_a_local_one_is_tighter() -> None:
     motions = MotionClass("path", "given", "free")
     with pytest.raises(BoundViolation):
         bound_columns(row(99.0), "work", [Bound(100.0, "certified", motions), Bound(101.0, "local", motions)])
+
+
+def test_proven_bounds_stand_before_local_ones_and_the_strongest_word_counts() -> None:
+    motions = MotionClass("path", "given", "free")
+    exact, certified = Bound(100.0, "exact", motions), Bound(100.0 - 1e-5, "certified", motions, 1e-5)
+    local = Bound(100.5, "local", motions)
+    columns = bound_columns(row(101.0), "work", [exact, local])
+    assert (columns["work_bound"], columns["work_bound_kind"]) == (100.0, "exact")
+    assert bound_columns(row(101.0), "work", [exact, certified, local])["work_bound_kind"] == "certified"
+    # A certificate that leaves more than a millionth open is weaker than the formula.
+    loose = Bound(99.9, "certified", motions)
+    assert bound_columns(row(101.0), "work", [exact, loose])["work_bound_kind"] == "exact"
+
+
+def test_exact_bound_is_not_to_be_passed_either_but_for_what_the_referee_lets_pass() -> None:
+    motions = MotionClass("path", "given", "law")
+    with pytest.raises(BoundViolation, match="exact bound"):
+        bound_columns(row(99.9, end="law"), "work", [Bound(100.0, "exact", motions)])
+    columns = bound_columns(row(99.9, end="law"), "work", [Bound(100.0, "exact", motions, 0.2)])
+    assert columns["work_gap_percent"] == pytest.approx(-0.1)
+    assert columns["work_gap_uncertainty_percent"] == pytest.approx(0.2, rel=1e-6)
+
+
+def test_a_tube_contains_narrower_ones_and_the_path_and_ends_contain_the_path() -> None:
+    def motions(keep: str, radius: float = 0.0, end: str = "free") -> MotionClass:
+        return MotionClass(keep, "given", end, radius)
+
+    path, narrow, wide, ends = motions("path"), motions("tube", 0.01), motions("tube", 0.1), motions("ends")
+    order = [path, narrow, wide, ends]
+    contained = [[one.contains(other) for other in order] for one in order]
+    assert contained == [
+        [True, False, False, False],
+        [True, True, False, False],
+        [True, True, True, False],
+        [True, False, False, True],
+    ]
+    assert not motions("tube", 0.1, "rest").contains(narrow)
+
+
+def test_a_tube_is_measured_against_the_optimum_of_its_own_radius() -> None:
+    tube = {"keep": "tube", "tube_radius_m": 0.01}
+    rows = [
+        row(95.0, **tube),
+        row(90.0, local="work", **tube),
+        row(80.0, local="work", **tube | {"tube_radius_m": 0.1}),
+    ]
+    assert bounds_of(rows)[0][:2] == (90.0, "local")

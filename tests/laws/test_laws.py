@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 
 from occ.errors import InputError, Status
-from occ.laws import LAWS, Moment, PathKeepingLaw, PrescribedRotation, ServoLaw
+from occ.laws import LAWS, MeasuredServoLaw, Moment, PathKeepingLaw, PrescribedRotation, ServoLaw
 from occ.model.platform import Platform
 from occ.motion import Line, ProgramMotion
 from occ.referee import examine, judge
@@ -148,7 +148,11 @@ class TestFamily:
     """Contracts of every law."""
 
     def examples(self) -> list[PathKeepingLaw]:
-        given = {ServoLaw: ServoLaw(), PrescribedRotation: PrescribedRotation(rate=0.2, heading=0.3)}
+        given = {
+            ServoLaw: ServoLaw(),
+            MeasuredServoLaw: MeasuredServoLaw(),
+            PrescribedRotation: PrescribedRotation(rate=0.2, heading=0.3),
+        }
         assert set(given) == set(LAWS), "a law in LAWS has no example here"
         return list(given.values())
 

@@ -1,0 +1,79 @@
+"""The mean power that the servo law needs in the long run, beside the least that any rotation strategy can need."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from occ.theory.attractors import Attractor, find_attractors
+from occ.theory.dissipation import energy_of
+from occ.theory.equation import reduced_motion
+from occ.theory.long_run import long_run, switch_radius
+from occ.theory.orbits import one_turn
+
+if TYPE_CHECKING:
+    from occ.theory.summary import Setting
+
+PATIENCE = 60.0
+"""Time constants 1/xi_3, or laps if they are longer, after which a motion is taken to have reached its attractor."""
+
+
+def long_run_section(s: Setting) -> dict[str, Any]:
+    """Mean power of the law from the task's start, the least mean power, and the gap.
+
+    Args:
+        s: the task on a circle.
+
+    Returns:
+        ``law_mean_power_W``, ``least_mean_power_W``, ``least_mean_power_regime``, ``optimal_switch_radius_m`` and
+        ``long_run_gap_percent``; None where the law has no attractor that a mean could be taken of, and where no motion
+        costs anything, so that there is neither a gap nor a radius to switch at.
+    """
+    energy = energy_of(s.task.platform, s.task.point, s.task.motion)  # type: ignore[arg-type]
+    best = long_run(energy)
+    least, law, switch = float(best.mean_power), law_mean_power(s), float(switch_radius(s.c))
+    return {
+        "law_mean_power_W": law,
+        "least_mean_power_W": least,
+        "least_mean_power_regime": "steady" if best.steady else "rotational",
+        "optimal_switch_radius_m": None if np.isnan(switch) else switch,
+        "long_run_gap_percent": 100 * (law - least) / least if law is not None and least > 0 else None,
+    }
+
+
+def law_mean_power(s: Setting) -> float | None:
+    """Mean of D over the law's attractor: at a steady rotation, or over the exact period of a rotational motion.
+
+    Kinetic energy returns, so that the mean of the power is the mean of the dissipation.
+
+    Args:
+        s: the task on a circle.
+
+    Returns:
+        [W]; None where neither was found.
+    """
+    energy = energy_of(s.task.platform, s.task.point, s.task.motion)  # type: ignore[arg-type]
+    reached = _reached(s, find_attractors(s.c, s.radius, s.rate))
+    if reached is None:
+        return None
+    if reached.psi_tilde is not None:
+        return float(energy.dissipation(reached.psi_tilde, s.rate))
+    if reached.orbit is None:
+        return None
+    turn = one_turn(s.eq, reached.orbit)
+    return float(np.sum(turn.share * energy.dissipation(turn.psi_tilde, turn.yaw_rate)))
+
+
+def _reached(s: Setting, found: tuple[Attractor, ...]) -> Attractor | None:
+    """The attractor of the task's start: where there are several, the motion itself says which."""
+    if len(found) < 2:
+        return found[0] if found else None
+    xi_3 = float(s.c.xi_3)
+    slow = abs(2 * np.pi / s.rate)
+    duration = PATIENCE * max(slow, 1 / xi_3 if xi_3 > 0 else slow)
+    start = float(s.task.start.heading - s.task.motion.values()[2]), s.task.start.heading_rate
+    t = np.array([0.0, 0.9 * duration, duration])
+    psi_tilde, _ = reduced_motion(s.c, s.radius, s.rate, start, t)
+    turns = abs(psi_tilde[2] - psi_tilde[1]) > np.pi
+    return next((item for item in found if (item.orbit is not None) == turns), None)

@@ -1,0 +1,300 @@
+"""The closed form of four wheels against brute force and against its own dual certificates; three wheels; borders."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from occ.allocation import (
+    LEAST_NORM,
+    Criterion,
+    ElectricPower,
+    InputMap,
+    LargestTorque,
+    TorqueRange,
+    WeightedNorm,
+    allocate,
+    closed_form,
+    input_map,
+    many_wheels,
+    platform_input_map,
+)
+from occ.allocation.reach import zonotope
+from occ.allocation.reference import Reference
+from occ.allocation.residuals import certified, proven_excess
+from occ.allocation.result import question
+from occ.model.platform import Platform
+from tests.allocation.wrenches import (
+    by_vertices,
+    law_samples,
+    law_wrenches,
+    random_ranges,
+    random_rates,
+    random_wrenches,
+    youbot_map,
+)
+from tests.strategies import reals, wheeled_platforms
+
+CRITERIA = [
+    pytest.param(LEAST_NORM, id="norm"),
+    pytest.param(WeightedNorm((1.0, 4.0, 0.3, 2.0)), id="weighted"),
+    pytest.param(LargestTorque(), id="largest"),
+    pytest.param(ElectricPower(), id="electric"),
+    pytest.param(ElectricPower(1e-3), id="almost lossless"),
+]
+
+
+def skewed_map() -> InputMap:
+    """Four wheels whose null torque moves them by different amounts."""
+    rows = np.random.default_rng(3).normal(size=(4, 3)) * [20.0, 20.0, 6.0]
+    return input_map(rows)
+
+
+class TestBruteForce:
+    """Every nu at which anything changes, and the lowest points in between."""
+
+    @pytest.mark.parametrize("criterion", CRITERIA)
+    @pytest.mark.parametrize("wheels", [youbot_map(), skewed_map()], ids=["youbot", "skewed"])
+    def test_best_torques_within_ranges(self, wheels: InputMap, criterion: Criterion) -> None:
+        count = 120
+        wrench, ranges, rates = (
+            random_wrenches(wheels, 1.0, count, 1),
+            random_ranges(wheels, count, 2),
+            random_rates(count, 3),
+        )
+        found = closed_form.allocate(wheels, wrench, ranges, criterion, rates)
+        assert 0.2 < found.reachable.mean() < 0.9
+        held = 0
+        for k in range(count):
+            best = by_vertices(wheels, wrench[:, k], ranges.lower[:, k], ranges.upper[:, k], rates[:, k], criterion)
+            assert found.reachable[k] == (best is not None)
+            if best is not None:
+                torque = found.torque[:, k]
+                values = criterion.value(np.column_stack([torque, best]), rates[:, [k, k]])
+                assert values[0] == pytest.approx(values[1], rel=1e-9, abs=1e-12)
+                # Where power is all but flat, values tell more than torques do.
+                if not isinstance(criterion, ElectricPower):
+                    np.testing.assert_allclose(torque, best, atol=1e-8)
+                held += bool(ranges.of(np.array([k])).side(torque[:, None]).any())
+        assert held > 10
+
+    @settings(max_examples=6)
+    @given(platform=wheeled_platforms(4, 4), limit=reals(0.1, 5.0), seed=st.integers(0, 1000))
+    def test_any_four_wheels(self, platform: Platform, limit: float, seed: int) -> None:
+        wheels = platform_input_map(platform)
+        wrench = random_wrenches(wheels, limit, 12, seed)
+        found = closed_form.allocate(wheels, wrench, limit)
+        box, rates = np.full(4, limit), np.zeros(4)
+        for k in range(12):
+            best = by_vertices(wheels, wrench[:, k], -box, box, rates, LEAST_NORM)
+            assert found.reachable[k] == (best is not None)
+            if best is not None:
+                np.testing.assert_allclose(found.torque[:, k], best, atol=1e-8 * limit)
+
+    def test_of_several_best_torques_the_least_norm(self) -> None:
+        # Braking: every wheel gives power back for a whole interval of nu, and all of these cost nothing.
+        wheels = youbot_map()
+        rates = np.full((4, 1), 8.0)
+        torque = np.array([[-0.5, -1.0, -0.7, -0.3]]).T
+        found = closed_form.allocate(wheels, wheels.wrench(torque), 5.0, ElectricPower(), rates)
+        low, high = ElectricPower().best_null(wheels, wheels.min_norm @ wheels.wrench(torque), rates)
+        assert low[0] < 0 < high[0]
+        np.testing.assert_allclose(found.torque, wheels.min_norm @ wheels.wrench(torque), atol=1e-15)
+
+
+class TestCertificates:
+    """The dual function at multipliers alone meets the primal value."""
+
+    @pytest.mark.parametrize("criterion", CRITERIA)
+    def test_hundred_thousand_wrenches(self, criterion: Criterion) -> None:
+        wheels, count = youbot_map(), 100_000
+        wrench, ranges = random_wrenches(wheels, 1.0, count, 5), random_ranges(wheels, count, 6)
+        rates = random_rates(count, 7)
+        asked = question(wheels, wrench, ranges, criterion, rates)
+        found = closed_form.solve(asked)
+        assert 0.3 < found.reachable.mean() < 0.7
+        assert not found.failed.any()
+        proof = certified(asked.of(found.reachable), found.torque[:, found.reachable])
+        assert proof.wrench.max() < 1e-12
+        assert proof.limits.max() < 1e-8
+        assert np.abs(proof.gap).max() < 1e-9
+        assert proof.prove.all()
+
+    def test_every_wrench_out_of_reach_is_proven_to_be(self) -> None:
+        wheels, count = youbot_map(), 100_000
+        wrench, ranges = random_wrenches(wheels, 1.0, count, 5), random_ranges(wheels, count, 6)
+        found = closed_form.allocate(wheels, wrench, ranges)
+        out = ~found.reachable
+        excess, row = zonotope(wheels).excess(wheels.min_norm @ wrench, ranges)
+        normals = zonotope(wheels).normals[row].T
+        proven = np.max([proven_excess(wheels, wrench, ranges, side * normals) for side in (-1, 1)], axis=0)
+        np.testing.assert_allclose(proven[out], excess[out], rtol=1e-6)
+        np.testing.assert_allclose(found.excess[out], excess[out])
+        assert proven[out].min() > 0
+
+    @pytest.mark.parametrize("criterion", CRITERIA)
+    def test_on_the_law(self, criterion: Criterion) -> None:
+        wrench, rates = law_samples(2000)
+        asked = question(youbot_map(), wrench, 1.0, criterion, rates)
+        found = closed_form.solve(asked)
+        assert found.reachable.all()
+        assert certified(asked, found.torque).largest.max() < 1e-9
+
+    @pytest.mark.parametrize("criterion", CRITERIA)
+    def test_bound_holds_for_any_multipliers_and_neighbours_are_not_proven(self, criterion: Criterion) -> None:
+        wheels = youbot_map()
+        wrench, rates = law_samples(200)
+        asked = question(wheels, wrench, 1.0, criterion, rates)
+        torque = closed_form.solve(asked).torque
+        force = criterion.multipliers(wheels, torque, asked.ranges, rates)
+        rng = np.random.default_rng(0)
+        value = criterion.value(torque, rates)
+        for size in (0.0, 1e-6, 1e-2, 1.0):
+            other = force * (1 + size * rng.normal(size=force.shape))
+            bound = criterion.lower_bound(wheels, wrench, asked.ranges, rates, other)
+            assert np.all(bound <= value * (1 + 1e-12))
+        near = torque + 1e-3 * wheels.null_torque
+        worse = criterion.value(near, rates) > value * (1 + 1e-6)
+        outside = np.abs(near).max(axis=0) > 1.0 + 1e-6
+        assert (worse | outside).mean() > 0.1
+        assert not certified(asked, near).prove[worse | outside].any()
+        assert not certified(asked, near + 1e-6).prove.any()
+
+    def test_not_a_number_proves_nothing(self) -> None:
+        asked = question(youbot_map(), law_wrenches(3), 1.0, LEAST_NORM)
+        assert not certified(asked, np.full((4, 3), np.nan)).prove.any()
+        nothing = proven_excess(asked.wheels, asked.wrench, asked.ranges, np.full((3, 3), np.nan))
+        assert np.all(nothing == -np.inf)
+        assert np.all(proven_excess(asked.wheels, asked.wrench, asked.ranges, np.zeros((3, 3))) == -np.inf)
+
+
+class TestPeaks:
+    """What the law needs."""
+
+    @pytest.mark.parametrize(("criterion", "peak"), [(LEAST_NORM, 1.230), (LargestTorque(), 0.971)])
+    def test_of_the_law(self, criterion: Criterion, peak: float) -> None:
+        # mathematics, section 7.
+        found = closed_form.allocate(youbot_map(), law_wrenches(5000), 10.0, criterion)
+        assert np.abs(found.torque).max() == pytest.approx(peak, abs=5e-4)
+
+    def test_each_is_best_in_its_own_measure(self) -> None:
+        wrench, rates = law_samples(400)
+        criteria = [parameter.values[0] for parameter in CRITERIA]
+        torques = [closed_form.allocate(youbot_map(), wrench, 1.0, item, rates).torque for item in criteria]
+        for criterion, own in zip(criteria, torques, strict=True):
+            for other in torques:
+                assert np.all(criterion.value(own, rates) <= criterion.value(other, rates) + 1e-12)
+            assert any(criterion.value(own, rates).sum() < criterion.value(other, rates).sum() for other in torques)
+
+
+class TestReach:
+    """Borders, and what lies beyond them."""
+
+    def test_excess_is_what_the_limits_lack(self) -> None:
+        wheels = youbot_map()
+        wrench = random_wrenches(wheels, 1.0, 60, 2)
+        ranges = random_ranges(wheels, 60, 8)
+        found = closed_form.allocate(wheels, wrench, ranges)
+        assert np.all(found.excess[found.reachable] == 0.0)
+        assert np.all(found.wheel[found.reachable] == -1)
+        for k in np.flatnonzero(~found.reachable):
+            assert np.isnan(found.torque[:, k]).all()
+            own, excess = ranges.of(np.array([k])), found.excess[k]
+            for part, enough in ((1 + 1e-6, True), (1 - 1e-6, False)):
+                wider = TorqueRange(own.lower - part * excess, own.upper + part * excess)
+                assert closed_form.allocate(wheels, wrench[:, [k]], wider).reachable.all() == enough
+            # With just enough the named wheel is on its limit.
+            wider = TorqueRange(own.lower - excess, own.upper + excess)
+            at_least = closed_form.allocate(wheels, wrench[:, [k]], wider).torque
+            gap = np.minimum(wider.upper - at_least, at_least - wider.lower)[found.wheel[k], 0]
+            assert gap == pytest.approx(0.0, abs=1e-8)
+
+    @pytest.mark.parametrize("criterion", CRITERIA)
+    def test_limit_exactly_at_the_least_reachable(self, criterion: Criterion) -> None:
+        wheels = youbot_map()
+        wrench, rates = random_wrenches(wheels, 1.0, 30, 3), random_rates(30, 4)
+        for k in range(30):
+            least = float(wheels.least_peak(wheels.min_norm @ wrench[:, [k]])[0])
+            asked = question(wheels, wrench[:, [k]], least, criterion, rates[:, [k]])
+            found = closed_form.solve(asked)
+            assert found.reachable.all()
+            assert np.abs(found.torque).max() == pytest.approx(least, rel=1e-12)
+            assert certified(asked, found.torque).prove.all()
+            assert not closed_form.allocate(wheels, wrench[:, [k]], least * (1 - 1e-6)).reachable.any()
+
+    def test_no_wrench_needs_no_torque(self) -> None:
+        for criterion in (LEAST_NORM, LargestTorque()):
+            assert np.all(closed_form.allocate(youbot_map(), np.zeros((3, 2)), 0.1, criterion).torque == 0.0)
+        assert closed_form.allocate(youbot_map(), np.zeros((3, 0)), 0.1).torque.shape == (4, 0)
+
+    def test_wheel_that_the_null_torque_does_not_move(self) -> None:
+        # Wheels 1 to 3 are parallel along X and in balance; wheel 4 alone pushes along Y.
+        wheels = input_map(np.array([[1.0, 0, 1], [1, 0, 0], [1, 0, -1], [0, 1, 0]]))
+        np.testing.assert_allclose(np.abs(wheels.null_torque[:, 0]), np.array([1, 2, 1, 0]) / 6**0.5, atol=1e-15)
+        wrench = np.array([[3.0, 0, 0], [0.5, 1.2, 0.5], [0, 0, 1.0]]).T
+        for criterion in (LEAST_NORM, LargestTorque(), ElectricPower()):
+            asked = question(wheels, wrench, 1.0, criterion, np.ones((4, 3)))
+            found = closed_form.solve(asked)
+            assert found.reachable.tolist() == [True, False, True]
+            assert found.wheel.tolist() == [-1, 3, -1]
+            assert found.excess[1] == pytest.approx(0.2)
+            assert certified(asked.of(found.reachable), found.torque[:, found.reachable]).prove.all()
+
+    @pytest.mark.parametrize("criterion", [LEAST_NORM, LargestTorque(), ElectricPower()])
+    def test_three_wheels_have_one_torque(self, criterion: Criterion) -> None:
+        angles = np.array([0.5, 2.6, 4.7])
+        wheels = input_map(np.column_stack([np.sin(angles), -np.cos(angles), np.full(3, 0.2)]) / 0.05)
+        torque = np.array([[1.0, 0.3], [-0.4, 1.3], [0.2, -0.1]])
+        asked = question(wheels, wheels.wrench(torque), 1.1, criterion, np.ones((3, 2)))
+        found = closed_form.solve(asked)
+        np.testing.assert_allclose(found.torque[:, 0], torque[:, 0], atol=1e-14)
+        assert found.reachable.tolist() == [True, False]
+        assert found.wheel.tolist() == [-1, 1]
+        assert found.excess[1] == pytest.approx(0.2, abs=1e-14)
+        assert certified(asked.of(found.reachable), found.torque[:, [0]]).prove.all()
+
+
+class TestManyWheels:
+    """The small quadratic programme, which four wheels can do, too."""
+
+    @pytest.mark.parametrize("criterion", CRITERIA[:4])
+    def test_four_wheels_are_the_closed_form(self, criterion: Criterion) -> None:
+        wheels, count = skewed_map(), 60
+        wrench, rates = random_wrenches(wheels, 1.0, count, 9), random_rates(count, 10)
+        ranges = random_ranges(wheels, count, 11)
+        one, other = (way.allocate(wheels, wrench, ranges, criterion, rates) for way in (closed_form, many_wheels))
+        assert np.array_equal(one.reachable, other.reachable)
+        np.testing.assert_allclose(one.torque, other.torque, atol=1e-8)
+
+    @settings(max_examples=10)
+    @given(platform=wheeled_platforms(5, 7), seed=st.integers(0, 1000))
+    def test_any_wheels_are_certified(self, platform: Platform, seed: int) -> None:
+        wheels = platform_input_map(platform)
+        wrench = random_wrenches(wheels, 1.0, 8, seed)
+        weight = tuple(np.random.default_rng(seed).uniform(0.2, 3, wheels.wheel_count).tolist())
+        for criterion in (LEAST_NORM, WeightedNorm(weight), LargestTorque()):
+            asked = question(wheels, wrench, 1.0, criterion)
+            found = allocate(wheels, wrench, 1.0, criterion)
+            least = wheels.least_peak(wheels.min_norm @ wrench)
+            clear = np.abs(least - 1) > 1e-6
+            assert np.array_equal(found.reachable[clear], least[clear] < 1)
+            assert not found.failed.any()
+            proof = certified(asked.of(found.reachable), found.torque[:, found.reachable])
+            assert proof.largest.max(initial=0.0) < 1e-9
+
+    @pytest.mark.parametrize("count", [5, 6])
+    def test_electric_power_of_many_wheels(self, count: int) -> None:
+        rng = np.random.default_rng(count)
+        wheels = input_map(rng.normal(size=(count, 3)) * [20.0, 20.0, 6.0])
+        wrench, rates = random_wrenches(wheels, 1.0, 12, count), rng.normal(size=(count, 12)) * 5
+        criterion = ElectricPower()
+        found = allocate(wheels, wrench, 1.0, criterion, rates)
+        written = Reference(wheels, criterion)
+        for k in range(12):
+            answer = written.solve(wrench[:, k], 1.0, rates[:, k])
+            assert (answer.torque is not None) == found.reachable[k]
+            if answer.torque is not None:
+                value = criterion.value(found.torque[:, [k]], rates[:, [k]])[0]
+                assert value == pytest.approx(answer.value, rel=1e-7, abs=1e-9)
