@@ -103,3 +103,27 @@ class PythonControl:
 
     def segment(self, start: float, end: float) -> Callable[[float, np.ndarray], np.ndarray]:
         return self.function
+
+
+class HeldControl:
+    """M = M_k on [t_k, t_k+1): what a sampled controller has given at each sample, held until the next one.
+
+    Args:
+        edges: (K + 1,) [s] samples, and the end of the horizon.
+        values: (n, K) [N m].
+    """
+
+    def __init__(self, edges: np.ndarray, values: np.ndarray) -> None:
+        self.edges, self.values = edges, values
+
+    @property
+    def knots(self) -> np.ndarray:
+        return self.edges[1:-1]
+
+    def torque(self, t: np.ndarray, state: np.ndarray) -> np.ndarray:
+        place = np.searchsorted(self.edges, t, side="right") - 1
+        return self.values[:, np.clip(place, 0, self.values.shape[1] - 1)]
+
+    def segment(self, start: float, end: float) -> Callable[[float, np.ndarray], np.ndarray]:
+        held = self.torque(np.array([(start + end) / 2]), np.empty((6, 1)))[:, 0]
+        return lambda t, state: held

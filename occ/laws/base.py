@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import ClassVar, Self
 
@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 
 from occ.allocation import AllocationOption, MinNorm
-from occ.checks import check_fields
+from occ.checks import NonNegative, check_fields
 from occ.control import SymbolicControl
 from occ.errors import InputError, Status
 from occ.model.coefficients import Coefficients, packed_size, unpack
@@ -44,7 +44,8 @@ class Moment:
         program_acceleration: (2,) [m/s^2] of B on the floor.
         point: (2,) [m] B in the body frame.
         matrices: of the platform, eq. (2.16).
-        on_program: pseudo-velocity and its rate with B on its program, eqs. (3.6), (3.7).
+        on_program: pseudo-velocity and its rate that keep B on its program: reconstructed by eqs. (3.6), (3.7), or
+            measured, and then with the accelerations of a stabilisation.
     """
 
     t: ca.SX
@@ -58,18 +59,41 @@ class Moment:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Stabilisation:
+    """e'' + velocity e' + position e = 0 for the error e of B on the floor: desired dynamics of the constraint.
+
+    Args:
+        position: [1/s^2] of the distance of B from its program.
+        velocity: [1/s] of the difference of B's velocity to its program.
+
+    Source: Baumgarte, Stabilization of constraints and integrals of motion in dynamical systems, Comput. Methods Appl.
+    Mech. Eng. 1 (1972).
+    """
+
+    position: NonNegative
+    velocity: NonNegative
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True, kw_only=True)
 class PathKeepingLaw(ABC):
     """pi' = C Omega + V*, eq. (3.7), with Omega' chosen by the law; the wrench follows, and its share of each wheel.
 
-    V_X and V_Y are reconstructed from heading and yaw rate by eq. (3.6); they are not measured.
+    V_X and V_Y are reconstructed from heading and yaw rate by eq. (3.6); they are measured, like the position, where
+    there is a stabilisation or the class says so.  On the program all of these are one law.
 
     Args:
-        allocation: how the wrench is shared among the wheels; the motion is the same for every choice.
+        allocation: how the wrench is shared among the wheels; the motion is the same for every choice within limits.
+        stabilisation: of B on its program; without it an error of its position never heals.
     """
 
     kind: ClassVar[str]
     start_class: ClassVar[StartClass] = "given"
+    measures_velocity: ClassVar[bool] = False
     allocation: AllocationOption = MIN_NORM
+    stabilisation: Stabilisation | None = None
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -89,6 +113,7 @@ class PathKeepingLaw(ABC):
             InputError: what is wrong and what would be right.
         """
         self.start(task)
+        self.allocation.check(task)
 
     def solve(self, task: Task) -> Solution:
         """Integrate the law's yaw equation and return its torques as feedback of (t, heading, yaw rate).
@@ -98,8 +123,9 @@ class PathKeepingLaw(ABC):
 
         Returns:
             Solution of keep class ``path`` and free end; ``INFEASIBLE`` where the allocation holds the task's limits
-            and cannot on the law's own motion.
+            and cannot on the law's own motion; keep class ``none`` where it changes the wrench instead.
         """
+        self.check(task)
         _, torque = _law_functions(self, task.platform.wheel_count, *task.motion_structure)
         begin = self.start(task)
         claim = Claim(start=self.start_class)
@@ -112,11 +138,12 @@ class PathKeepingLaw(ABC):
         realised = self.allocation.realise(
             task, control, lambda times: task.states_on_program(times, *motion(times)[:2]), t
         )
+        kept = realised.as_demanded
         return Solution(
             control=realised.control,
             start_state=first,
-            claim=claim,
-            claimed=path_trajectory(task, t, *motion(t)),
+            claim=claim if kept else replace(claim, keep="none"),
+            claimed=path_trajectory(task, t, *motion(t)) if kept else None,
             status=realised.status,
             message=realised.message,
             statistics=realised.statistics,
@@ -131,6 +158,7 @@ class _PathArguments:
     state: ca.SX
     data: ca.SX
     symbols: PathSymbols
+    program_position: ca.SX
 
     @classmethod
     def create(cls, wheel_count: int, motion: type[ProgramMotion], structure: tuple[int, ...], size: int) -> Self:
@@ -138,9 +166,43 @@ class _PathArguments:
         t, state = ca.SX.sym("t"), ca.SX.sym("state", 6)
         packed = packed_size(wheel_count)
         data = ca.SX.sym("data", packed + 2 + size)
-        _, velocity, acceleration = kinematics_function(motion, structure, size)(t, data[packed + 2 :])
+        position, velocity, acceleration = kinematics_function(motion, structure, size)(t, data[packed + 2 :])
         symbols = PathSymbols(data[:packed], data[packed : packed + 2], state[2], state[5], velocity, acceleration)
-        return cls(t, state, data, symbols)
+        return cls(t, state, data, symbols, position)
+
+    def moment(self, wheel_count: int, on_program: OnProgram) -> Moment:
+        """What a law sees if this is its motion."""
+        symbols = self.symbols
+        return Moment(
+            t=self.t,
+            heading=symbols.heading,
+            yaw_rate=symbols.yaw_rate,
+            program_velocity=symbols.program_velocity,
+            program_acceleration=symbols.program_acceleration,
+            point=symbols.point,
+            matrices=unpack(symbols.coefficients, wheel_count),
+            on_program=on_program,
+        )
+
+    def measured(self, stabilisation: Stabilisation | None) -> OnProgram:
+        """The measured pi', and the rest of pi'' that makes B accelerate as its program, or as its error asks for.
+
+        Without stabilisation this is the derivative of program (3.1); with it V_B' + Omega x V_B = R^T (r_B*'' -
+        velocity e' - position e) for the body components V_B of B's velocity and the error e on the floor.
+        """
+        reconstructed, velocity = self.symbols.on_program(), self.state[3:]
+        if stabilisation is None:
+            return OnProgram(reconstructed.direction, velocity, reconstructed.rest)
+        c, s = ca.cos(self.state[2]), ca.sin(self.state[2])
+        to_floor = ca.blockcat([[c, -s], [s, c]])
+        b_x, b_y = ca.vertsplit(self.symbols.point)
+        body = ca.vertcat(velocity[0] - velocity[2] * b_y, velocity[1] + velocity[2] * b_x)
+        error = self.state[:2] + to_floor @ self.symbols.point - self.program_position
+        error_rate = to_floor @ body - self.symbols.program_velocity
+        wanted = self.symbols.program_acceleration - stabilisation.velocity * error_rate
+        wanted = to_floor.T @ (wanted - stabilisation.position * error)
+        turning = ca.vertcat(velocity[2] * body[1], -velocity[2] * body[0])
+        return OnProgram(reconstructed.direction, velocity, ca.vertcat(wanted + turning, 0))
 
 
 @cache
@@ -149,17 +211,24 @@ def _law_functions(
 ) -> tuple[ca.Function, ca.Function]:
     """CasADi functions yaw (t, heading, yaw_rate, data) -> Omega' and torque (t, state, signal, data) -> M."""
     path = _PathArguments.create(wheel_count, motion, structure, size)
-    symbols = path.symbols
-    moment = Moment(
-        t=path.t,
-        heading=symbols.heading,
-        yaw_rate=symbols.yaw_rate,
-        program_velocity=symbols.program_velocity,
-        program_acceleration=symbols.program_acceleration,
-        point=symbols.point,
-        matrices=unpack(symbols.coefficients, wheel_count),
-        on_program=symbols.on_program(),
+    reconstructed = path.symbols.on_program()
+    measuring = law.measures_velocity or law.stabilisation is not None
+    felt = path.measured(law.stabilisation) if measuring else reconstructed
+    matrices = unpack(path.symbols.coefficients, wheel_count)
+    wrench = matrices.wrench(felt.velocity, felt.direction * _chosen(law, path.moment(wheel_count, felt)) + felt.rest)
+    heading, yaw_rate = ca.SX.sym("heading"), ca.SX.sym("yaw_rate")
+    chosen = _chosen(law, path.moment(wheel_count, reconstructed))
+    reduced = ca.substitute(chosen, path.state, ca.vertcat(0, 0, heading, 0, 0, yaw_rate))
+    return (
+        ca.Function("yaw", [path.t, heading, yaw_rate, path.data], [ca.densify(reduced)]),
+        ca.Function(
+            "law", [path.t, path.state, ca.SX.sym("signal", 0), path.data], [ca.densify(matrices.min_norm @ wrench)]
+        ),
     )
+
+
+def _chosen(law: PathKeepingLaw, moment: Moment) -> ca.SX:
+    """The law's yaw acceleration as one expression."""
     value = law.yaw_acceleration(moment)
     try:
         chosen = ca.SX(value)
@@ -167,13 +236,7 @@ def _law_functions(
         raise InputError(f"yaw_acceleration gives {value!r}; should be a number or a CasADi expression") from error
     if chosen.shape != (1, 1):
         raise InputError(f"yaw_acceleration has the shape {chosen.shape}; should be one expression in rad/s^2")
-    torque = path_functions(wheel_count)["torque"](*symbols, chosen, ca.SX.zeros(wheel_count - 3))
-    heading, yaw_rate = ca.SX.sym("heading"), ca.SX.sym("yaw_rate")
-    reduced = ca.substitute(chosen, path.state, ca.vertcat(0, 0, heading, 0, 0, yaw_rate))
-    return (
-        ca.Function("yaw", [path.t, heading, yaw_rate, path.data], [ca.densify(reduced)]),
-        ca.Function("law", [path.t, path.state, ca.SX.sym("signal", 0), path.data], [ca.densify(torque)]),
-    )
+    return chosen
 
 
 @cache

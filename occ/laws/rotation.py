@@ -22,7 +22,8 @@ class PrescribedRotation(PathKeepingLaw):
     Args:
         rate: [rad/s] constant yaw rate, or ``program`` for omega_B, the rate at which the velocity of B turns.
         heading: [rad] psi(0).
-        allocation: of the wrench to the wheels: { kind = "min_norm" }, or { kind = "box_qp" } within limits.torque.
+        allocation: of the wrench to the wheels: { kind = "min_norm" }, or another kind that holds the limits.
+        stabilisation: { position = .., velocity = .. } of B's error; the rotation itself is not stabilised.
     """
 
     kind: ClassVar[str] = "prescribed_rotation"

@@ -16,7 +16,9 @@ class ServoLaw(PathKeepingLaw):
     """Pi_C = B^T lambda, eq. (3.5): the yaw motion is inertial, C^T (A pi'' + f + Z pi') = 0, eq. (3.8).
 
     Args:
-        allocation: of the wrench to the wheels: { kind = "min_norm" }, or { kind = "box_qp" } within limits.torque.
+        allocation: of the wrench to the wheels: { kind = "min_norm" }, or another kind that holds the limits.
+        stabilisation: { position = .., velocity = .. } in 1/s^2 and 1/s, the desired dynamics of B's error on the
+            floor; position and velocity are measured then.
 
     Source: paper, eqs. (3.2)-(3.13), for any program motion.
     """
@@ -25,3 +27,16 @@ class ServoLaw(PathKeepingLaw):
 
     def yaw_acceleration(self, moment: Moment) -> ca.SX:
         return servo_yaw_acceleration(moment.matrices, moment.on_program)
+
+
+@dataclass(frozen=True, kw_only=True)
+class MeasuredServoLaw(ServoLaw):
+    """The servo law with measured V_X and V_Y instead of reconstructed ones: nothing but friction opposes an error.
+
+    Args:
+        allocation: of the wrench to the wheels: { kind = "min_norm" }, or another kind that holds the limits.
+        stabilisation: as of servo, which is the same law then.
+    """
+
+    kind: ClassVar[str] = "servo_measured"
+    measures_velocity: ClassVar[bool] = True
