@@ -22,18 +22,24 @@ Expression = Callable[[ca.SX, ca.SX], ca.SX]
 
 @dataclass(frozen=True, kw_only=True)
 class Objective:
-    """J = integral of (work_share * sum M_i phi_i' + rest(M, phi')) dt.
+    """J = integral of (work_share sum M_i phi_i' + rest + clipped_share sum_j max(clipped_j, 0)) dt, or a peak.
 
     Signed work stands apart because it has an exact form without torques: change of kinetic energy plus dissipation.
+    The clipped powers stand apart because their positive parts have an exact smooth form for an optimal controller:
+    slacks p >= 0 with p - clipped >= 0 that are minimised.
 
     Args:
         name: as in experiment files.
         column: of the results, with its unit.
         unit: in words.
-        equation: for people.
+        equation: of the integrand, or of what is largest, for people.
         work_share: factor of the signed work.
-        rest: from torque (n,) [N m] and wheel rates (n,) [rad/s], CasADi; None where there is nothing else.
-        kinks: expressions at whose sign changes `rest` is not smooth, a CasADi column; None where it is smooth.
+        rest: smooth part from torque (n,) [N m] and wheel rates (n,) [rad/s], CasADi; None where there is none.
+        clipped: column of powers of which only the positive parts count; None where there are none.
+        clipped_share: factor of these positive parts.
+        regular: the integrand has curvature in every torque that makes a wrench, so that optimal torques are bounded.
+        largest: the cost is the largest |M_i| over wheels and time, and no integral.
+        wheel_by_wheel: other torques than those of least norm may be better for the same wrench.
     """
 
     name: str
@@ -42,16 +48,33 @@ class Objective:
     equation: str
     work_share: float = 0.0
     rest: Expression | None = None
-    kinks: Expression | None = None
+    clipped: Expression | None = None
+    clipped_share: float = 1.0
+    regular: bool = False
+    largest: bool = False
+    wheel_by_wheel: bool = False
+
+    @property
+    def meaning(self) -> str:
+        """What the column of the results holds."""
+        return self.equation if self.largest else f"integral of {self.equation} dt"
 
     def integrand(self, torque: ca.SX, rates: ca.SX) -> ca.SX:
         """The exact integrand from torque (n,) [N m] and wheel rates (n,) [rad/s]."""
         value = self.work_share * ca.dot(torque, rates)
-        return value + self.rest(torque, rates) if self.rest else value
+        if self.rest:
+            value += self.rest(torque, rates)
+        if self.clipped:
+            value += self.clipped_share * ca.sum1(ca.fmax(self.clipped(torque, rates), 0))
+        return value
 
 
 def _power(torque: ca.SX, rates: ca.SX) -> ca.SX:
     return torque * rates
+
+
+def _copper_loss(torque: ca.SX, _: ca.SX) -> ca.SX:
+    return COPPER_LOSS * ca.sumsqr(torque)
 
 
 OBJECTIVES: dict[str, Objective] = {
@@ -63,24 +86,26 @@ OBJECTIVES: dict[str, Objective] = {
             column="positive_work_J",
             unit="J",
             equation="sum max(M_i phi_i', 0)",
-            rest=lambda m, w: ca.sum1(ca.fmax(_power(m, w), 0)),
-            kinks=_power,
+            clipped=_power,
+            wheel_by_wheel=True,
         ),
         Objective(
             name="absolute_work",
             column="absolute_work_J",
             unit="J",
             equation="sum |M_i phi_i'|",
-            rest=lambda m, w: ca.sum1(ca.fabs(_power(m, w))),
-            kinks=_power,
+            # |P| = 2 max(P, 0) - P; a quadrature of -P would reward torques that oscillate between the nodes.
+            work_share=-1.0,
+            clipped=_power,
+            clipped_share=2.0,
+            wheel_by_wheel=True,
         ),
         Objective(
             name="bus_work",
             column="bus_work_J",
             unit="J",
             equation="max(sum M_i phi_i', 0)",
-            rest=lambda m, w: ca.fmax(ca.dot(m, w), 0),
-            kinks=ca.dot,
+            clipped=ca.dot,
         ),
         Objective(
             name="torque_squared",
@@ -88,13 +113,15 @@ OBJECTIVES: dict[str, Objective] = {
             unit="N^2 m^2 s",
             equation="sum M_i^2",
             rest=lambda m, _: ca.sumsqr(m),
+            regular=True,
         ),
         Objective(
             name="copper_loss",
             column="copper_loss_J",
             unit="J",
             equation="k sum M_i^2",
-            rest=lambda m, _: COPPER_LOSS * ca.sumsqr(m),
+            rest=_copper_loss,
+            regular=True,
         ),
         Objective(
             name="electric",
@@ -102,10 +129,28 @@ OBJECTIVES: dict[str, Objective] = {
             unit="J",
             equation="sum M_i phi_i' + k sum M_i^2",
             work_share=1.0,
-            rest=lambda m, _: COPPER_LOSS * ca.sumsqr(m),
+            rest=_copper_loss,
+            regular=True,
+        ),
+        Objective(
+            name="electric_drawn",
+            column="electric_drawn_J",
+            unit="J",
+            equation="max(sum M_i phi_i' + k sum M_i^2, 0)",
+            clipped=lambda m, w: ca.dot(m, w) + _copper_loss(m, w),
+        ),
+        Objective(
+            name="peak_torque",
+            column="peak_torque_Nm",
+            unit="N m",
+            equation="largest |M_i| over wheels and time",
+            largest=True,
+            wheel_by_wheel=True,
         ),
     )
 }
+INTEGRALS: dict[str, Objective] = {name: item for name, item in OBJECTIVES.items() if not item.largest}
+"""The objectives that are integrals over time."""
 
 
 def objective(name: str) -> Objective:
@@ -121,7 +166,7 @@ def objective(name: str) -> Objective:
 
 @cache
 def measure_function(wheel_count: int) -> ca.Function:
-    """CasADi function (torque, wheel_rates) -> integrands of all objectives, and all kinks.
+    """CasADi function (torque, wheel_rates) -> integrands of all `INTEGRALS`, and all kinks.
 
     Args:
         wheel_count: n.
@@ -130,9 +175,9 @@ def measure_function(wheel_count: int) -> ca.Function:
         Function of torque (n,) and wheel_rates (n,) with outputs ``integrands`` (one each) and ``kinks`` (k,).
     """
     torque, rates = ca.SX.sym("torque", wheel_count), ca.SX.sym("wheel_rates", wheel_count)
-    integrands = ca.vertcat(*(item.integrand(torque, rates) for item in OBJECTIVES.values()))
-    # Several objectives share their kinks: the wheels' powers and their sum.
-    expressions = [item.kinks(torque, rates) for item in OBJECTIVES.values() if item.kinks]
+    integrands = ca.vertcat(*(item.integrand(torque, rates) for item in INTEGRALS.values()))
+    # The clipped powers change their sign there; several objectives share theirs.
+    expressions = [item.clipped(torque, rates) for item in INTEGRALS.values() if item.clipped]
     columns = {str(kink): kink for expression in expressions for kink in ca.vertsplit(expression)}
     kinks = ca.vertcat(*columns.values())
     return ca.Function(

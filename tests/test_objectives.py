@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 
 from occ.errors import InputError
-from occ.objectives import COPPER_LOSS, OBJECTIVES, measure_function, objective
+from occ.objectives import COPPER_LOSS, INTEGRALS, OBJECTIVES, measure_function, objective
 from tests.strategies import vectors
 
 # Powers of the wheels (2, -2, -3, 2) W, squares of the torques 1 + 4 + 9 + 0.25.
@@ -27,6 +27,7 @@ BY_HAND = {
     "torque_squared": (14.25, 5.25),
     "copper_loss": (17.91225, 6.59925),
     "electric": (16.91225, 9.59925),
+    "electric_drawn": (16.91225, 9.59925),
 }
 # The contract of the results: one column for each objective.
 COLUMNS = {
@@ -37,19 +38,21 @@ COLUMNS = {
     "torque_squared": "torque_squared_N2m2s",
     "copper_loss": "copper_loss_J",
     "electric": "electric_J",
+    "electric_drawn": "electric_drawn_J",
+    "peak_torque": "peak_torque_Nm",
 }
-WITH_KINKS = {"positive_work", "absolute_work", "bus_work"}
+WITH_KINKS = {"positive_work", "absolute_work", "bus_work", "electric_drawn"}
 
-every_objective = pytest.mark.parametrize("name", list(OBJECTIVES))
+every_objective = pytest.mark.parametrize("name", list(INTEGRALS))
 
 
 def measures(torque: np.ndarray, rates: np.ndarray) -> tuple[dict[str, float], np.ndarray]:
     integrands, kinks = measure_function(len(torque))(torque, rates)
-    return dict(zip(OBJECTIVES, np.array(integrands)[:, 0], strict=True)), np.array(kinks)[:, 0]
+    return dict(zip(INTEGRALS, np.array(integrands)[:, 0], strict=True)), np.array(kinks)[:, 0]
 
 
 def own_kinks(name: str, torque: np.ndarray, rates: np.ndarray) -> np.ndarray:
-    kinks = OBJECTIVES[name].kinks
+    kinks = OBJECTIVES[name].clipped
     if kinks is None:
         return np.array([])
     symbols = ca.SX.sym("torque", len(torque)), ca.SX.sym("rates", len(rates))
@@ -76,11 +79,11 @@ def test_the_copper_loss_is_that_of_the_motors_data() -> None:
 
 
 @given(torque=vectors(4, 3.0), rates=vectors(4, 10.0))
-def test_kinks_are_the_wheels_powers_and_their_sum(torque: np.ndarray, rates: np.ndarray) -> None:
+def test_kinks_are_the_wheels_powers_their_sum_and_the_electric_power(torque: np.ndarray, rates: np.ndarray) -> None:
     powers = torque * rates
     found = measures(torque, rates)[1]
-    assert len(found) == 5
-    np.testing.assert_allclose(sorted(found), sorted([*powers, powers.sum()]), rtol=1e-13, atol=1e-13)
+    expected = [*powers, powers.sum(), powers.sum() + COPPER_LOSS * torque @ torque]
+    np.testing.assert_allclose(sorted(np.abs(found)), sorted(np.abs(expected)), rtol=1e-12, atol=1e-12)
 
 
 def second_difference(name: str, torque: np.ndarray, rates: np.ndarray, change: np.ndarray, step: float) -> float:
@@ -107,23 +110,29 @@ def test_integrands_are_smooth_where_no_kink_changes_its_sign(name: str) -> None
 @pytest.mark.parametrize("name", sorted(WITH_KINKS))
 def test_integrands_have_a_kink_where_theirs_changes_sign(name: str) -> None:
     generator = np.random.default_rng(4)
+    k = COPPER_LOSS if name == "electric_drawn" else 0.0
     for _ in range(20):
         torque, rates, change = generator.normal(size=3), generator.normal(size=3), generator.normal(size=6)
-        if name == "bus_work":
-            rates[2] = -(torque[:2] @ rates[:2]) / torque[2]
-            slope = change[:3] @ rates + torque @ change[3:]
+        if name in ("bus_work", "electric_drawn"):
+            rates[2] = -(torque[:2] @ rates[:2] + k * torque @ torque) / torque[2]
+            slope = change[:3] @ rates + torque @ change[3:] + 2 * k * torque @ change[:3]
         else:
             rates[0] = 0.0
             slope = torque[0] * change[3]
         before, after = (own_kinks(name, torque + k * change[:3], rates + k * change[3:]) for k in (-1e-6, 1e-6))
         assert np.any(before * after < 0)
         jump = second_difference(name, torque, rates, change, 1e-6)
-        factor = {"positive_work": 1.0, "absolute_work": 2.0, "bus_work": 1.0}[name]
+        factor = 2.0 if name == "absolute_work" else 1.0
         assert jump == pytest.approx(factor * abs(slope), rel=1e-3, abs=1e-3)
 
 
+def test_the_largest_torque_is_no_integral() -> None:
+    assert set(OBJECTIVES) - set(INTEGRALS) == {"peak_torque"}
+    assert OBJECTIVES["peak_torque"].meaning == "largest |M_i| over wheels and time"
+
+
 def test_smooth_objectives_name_no_kink() -> None:
-    for name in set(COLUMNS) - WITH_KINKS:
+    for name in set(INTEGRALS) - WITH_KINKS:
         assert own_kinks(name, *DRIVING).size == 0
 
 
@@ -135,6 +144,7 @@ def test_measures_are_ordered_as_their_definitions_order_them(torque: np.ndarray
     assert found["bus_work"] <= found["positive_work"] + slack
     assert found["positive_work"] <= found["absolute_work"] + slack
     assert found["absolute_work"] == pytest.approx(2 * found["positive_work"] - found["work"], abs=slack)
+    assert found["electric_drawn"] == pytest.approx(max(found["electric"], 0.0), abs=slack)
     assert math.isclose(found["electric"], found["work"] + found["copper_loss"], abs_tol=slack, rel_tol=1e-12)
 
 

@@ -1,4 +1,4 @@
-"""The optimal controllers: direct collocation with B on its program, on a mesh that is refined to a tolerance."""
+"""The optimal controllers: direct collocation on a mesh that is refined to a tolerance."""
 
 from __future__ import annotations
 
@@ -10,43 +10,61 @@ import numpy as np
 from annotated_types import Ge, Le
 
 from occ.checks import Positive, check_fields
-from occ.control import SymbolicControl
 from occ.errors import InputError, Status
-from occ.laws.base import law_motion, open_loop_function, path_trajectory
+from occ.laws.base import law_motion
 from occ.laws.servo import ServoLaw
 from occ.model.dynamics import friction_time
-from occ.objectives import OBJECTIVES
+from occ.optimal.cost import Aim, Weights, is_non_smooth, is_regular
+from occ.optimal.formulation import Formulation
+from occ.optimal.full import Full
 from occ.optimal.limits import with_knots
 from occ.optimal.mesh import SchemeName, graded_mesh
-from occ.optimal.reduced import Ends
-from occ.optimal.search import MOST_INTERVALS, Attempt, Method, Search
-from occ.optimal.transcription import Bounds
-from occ.task import Claim, EndClass, Solution, Task
-from occ.trajectory import PiecewisePolynomial
+from occ.optimal.reduced import Reduced
+from occ.optimal.refinement import MOST_INTERVALS
+from occ.optimal.search import Attempt, Method, Search
+from occ.optimal.shape import EndConditions, Settings
+from occ.optimal.singular import note
+from occ.optimal.solvers import SolverName, SolverOptions
+from occ.optimal.starts import Minimum, distinct, starts_of
+from occ.task import Claim, EndClass, Keep, Solution, Task
 
 LAYER = 3.0
 """Width of the first and last interval in units of the platform's shortest time constant of friction."""
 SINGULAR_LAYER = 0.03
 """The same where the cost has no curvature in the torque: its layers are jumps of the yaw rate."""
+NON_SMOOTH_LAYER = 0.3
+"""The same where a small copper loss is all the curvature there is."""
+NON_SMOOTH_TOLERANCE = 1e-8
+"""Of the optimality conditions, where the cost has slacks."""
 EXTRA_TURNS = 1
 """Windings that ``any`` tries beyond those between no turn and the turns of the program."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Collocation:
-    """min J over the yaw acceleration (and the null torques), with V_X and V_Y eliminated by eq. (3.6).
+    """min J over the wheel torques, or over what determines them with B on its program.
 
     Args:
-        objective: what to minimise.
-        keep: ``path``: B exactly on its program.
+        objective: what to minimise; ``weighted`` takes the sum of objectives that ``weights`` gives.
+        weights: factors of the objectives, where the objective is ``weighted``.
+        keep: ``path``: B exactly on its program; ``tube``: within ``radius`` of it; ``ends``: on it at the end only.
+        radius: [m] of the tube.
         end: ``free``; ``law`` for the end state of the servo law from the same start; ``periodic`` for the start's
             heading, up to full turns, and yaw rate; ``rest`` for no velocity.
         start: ``given``; ``free`` (only with end ``periodic``) chooses heading and yaw rate, too.
         winding: net full turns of the heading where the end is ``periodic``; ``any`` tries several and keeps the best.
+        formulation: ``reduced``: heading and yaw rate, V_X and V_Y eliminated by eq. (3.6), only with keep ``path``;
+            ``full``: six states and all wheel torques; left out: ``reduced`` where that is possible.
+        control: ``polynomial``, or ``constant`` for torques that are constant in each interval (full formulation with
+            keep ``tube`` or ``ends``): they hold a torque limit exactly.
         scheme: collocation points, Radau IIA or Gauss-Legendre.
         intervals: of the first mesh; the mesh is refined until the tolerance holds.
         degree: of the state's polynomials in each interval.
         tolerance: largest error between nodes, relative to max(1, size) of each state and of the cost.
+        starts: guesses from which the first mesh is solved; the best minimum is kept.
+        solver: of the nonlinear program: ``ipopt``, or ``fatrop``, which goes through the horizon stage by stage.
+        iterations: of the solver in each solve, at most.
+        seconds: [s] of the solver in each solve, at most; fatrop looks at its iterations only.
 
     Raises:
         InputError: keys that contradict each other.
@@ -55,25 +73,87 @@ class Collocation:
     """
 
     kind: ClassVar[str] = "collocation"
-    objective: Literal["work", "torque_squared", "electric", "copper_loss"]
-    keep: Literal["path"] = "path"
+    objective: Literal[
+        "work",
+        "positive_work",
+        "absolute_work",
+        "bus_work",
+        "torque_squared",
+        "copper_loss",
+        "electric",
+        "electric_drawn",
+        "peak_torque",
+        "weighted",
+    ]
+    weights: Weights | None = None
+    keep: Keep = "path"
+    radius: Positive | None = None
     end: EndClass = "free"
     start: Literal["given", "free"] = "given"
     winding: int | Literal["any"] | None = None
+    formulation: Literal["reduced", "full"] | None = None
+    control: Literal["polynomial", "constant"] = "polynomial"
     scheme: SchemeName = "radau"
     intervals: Annotated[int, Ge(2), Le(MOST_INTERVALS)] = 16
     degree: Annotated[int, Ge(2), Le(12)] = 5
     tolerance: Positive = 1e-6
+    starts: Annotated[int, Ge(1), Le(200)] = 1
+    solver: SolverName = "ipopt"
+    iterations: Annotated[int, Ge(1), Le(100_000)] = 500
+    seconds: Positive = 60.0
 
     def __post_init__(self) -> None:
         check_fields(self)
+        for wrong in (self._wrong_ends(), self._wrong_keep(), self._wrong_cost()):
+            if wrong:
+                raise InputError(f"Collocation: {wrong}")
+
+    def _wrong_ends(self) -> str:
         if self.start == "free" and self.end != "periodic":
-            raise InputError(
-                "Collocation: start should be 'given' unless end is 'periodic'; a free start that nobody pays for is "
-                "no optimum"
-            )
+            return "start should be 'given' unless end is 'periodic'; a free start that nobody pays for is no optimum"
         if self.winding is not None and self.end != "periodic":
-            raise InputError(f"Collocation: winding should be left out where end is {self.end!r}, not 'periodic'")
+            return f"winding should be left out where end is {self.end!r}, not 'periodic'"
+        return ""
+
+    def _wrong_keep(self) -> str:
+        if (self.radius is None) == (self.keep == "tube"):
+            return f"radius should be given [m] where keep is 'tube' and left out elsewhere; keep is {self.keep!r}"
+        if self.formulation == "reduced" and self.keep != "path":
+            return f"formulation should be 'full' where keep is {self.keep!r}: the reduced one has B on its path"
+        if self.control == "constant" and not (self.is_full and self.keep != "path"):
+            return (
+                "control = 'constant' should go with formulation = 'full' and keep = 'tube' or 'ends': piecewise "
+                "constant torques cannot hold B on its path"
+            )
+        if self.is_full and self.keep == "path" and self.scheme != "radau":
+            return (
+                "scheme should be 'radau' where formulation is 'full' and keep is 'path': its points hold B's velocity "
+                "at the final time, too"
+            )
+        return ""
+
+    def _wrong_cost(self) -> str:
+        if (self.objective == "weighted") != (self.weights is not None):
+            return "weights should be given where objective is 'weighted', and left out elsewhere"
+        return ""
+
+    @property
+    def is_full(self) -> bool:
+        """Whether the full formulation is used."""
+        return self.formulation == "full" or self.keep != "path"
+
+    @property
+    def aim(self) -> Aim:
+        """The weighted sum of objectives that is minimised."""
+        asked = Aim.single(self.objective) if self.weights is None else Aim.weighted(self.weights)
+        return asked.regularised
+
+    @property
+    def options(self) -> SolverOptions:
+        """Of the solver of the nonlinear programs."""
+        # Slacks that are zero over whole arcs converge slowly; the error between nodes is larger by far.
+        tolerance = NON_SMOOTH_TOLERANCE if is_non_smooth(self.aim.terms) else SolverOptions().tolerance
+        return SolverOptions(solver=self.solver, iterations=self.iterations, seconds=self.seconds, tolerance=tolerance)
 
     def check(self, task: Task) -> None:
         """Refuse a task whose program cannot end as asked.
@@ -83,7 +163,7 @@ class Collocation:
         """
         _, velocity, _ = task.motion.at(np.array([0.0, task.duration]))
         speed = float(np.hypot(*velocity).max())
-        if self.end == "rest" and np.hypot(*velocity[:, 1]) > 1e-9 * max(1.0, speed):
+        if self.end == "rest" and self.keep == "path" and np.hypot(*velocity[:, 1]) > 1e-9 * max(1.0, speed):
             raise InputError(
                 f"collocation: end = 'rest' needs a motion that is at rest at t = {task.duration:g} s; there B should "
                 f"move at {np.hypot(*velocity[:, 1]):.4g} m/s"
@@ -101,7 +181,8 @@ class Collocation:
             task: what to do.
 
         Returns:
-            Solution whose control is the yaw acceleration in time; its torques follow from heading and yaw rate.
+            Solution whose control is the yaw acceleration in time (its torques follow from heading and yaw rate) where
+            B is on its path, and the wheel torques in time elsewhere.
 
         Raises:
             InputError: a task whose program cannot end as asked.
@@ -121,11 +202,42 @@ class Collocation:
 
     def first_mesh(self, task: Task) -> np.ndarray:
         """(N + 1,) [s] Edges whose widths grow from the boundary layers at both ends, and the program's knots."""
-        layer = SINGULAR_LAYER if OBJECTIVES[self.objective].rest is None else LAYER
-        width = layer * friction_time(task.platform) / task.duration
-        mesh = graded_mesh(self.intervals, width) * task.duration
+        if self.control == "constant":
+            # Equal steps: the error of constant torques is everywhere, not in the layers.
+            mesh = np.linspace(0.0, task.duration, self.intervals + 1)
+        else:
+            terms = self.aim.terms
+            layer = SINGULAR_LAYER if not is_regular(terms) else NON_SMOOTH_LAYER if is_non_smooth(terms) else LAYER
+            width = layer * friction_time(task.platform) / task.duration
+            mesh = graded_mesh(self.intervals, width) * task.duration
         knots = task.motion.knots(task.duration)
         return with_knots(mesh, knots) if knots.size else mesh
+
+    def posed(self, task: Task, winding: int | None = None) -> Formulation | None:
+        """The problem of a task, with its numbers.
+
+        Args:
+            task: what to do.
+            winding: net full turns of the heading where the end is periodic.
+
+        Returns:
+            Full or reduced; None where the end is the servo law's and the law has none.
+        """
+        law_end = None
+        if self.end == "law":
+            motion, _ = law_motion(ServoLaw(), task, np.array([0.0, task.duration]), tolerance=1e-12)
+            if motion is None:
+                return None
+            law_end = task.state_on_program(task.duration, *motion[:2, -1])
+        settings = Settings(
+            aim=self.aim,
+            ends=EndConditions(start=self.start, end=self.end, winding=winding, law_end=law_end),
+            keep=self.keep,
+            radius=self.radius,
+            scheme=self.scheme,
+            constant=self.control == "constant",
+        )
+        return Full(task, settings) if self.is_full else Reduced(task, settings)
 
     def _windings(self, task: Task) -> list[int | None]:
         if self.end != "periodic":
@@ -136,53 +248,54 @@ class Collocation:
         return list(range(min(0, turns) - EXTRA_TURNS, max(0, turns) + EXTRA_TURNS + 1))
 
     def _solve(self, task: Task, winding: int | None) -> Solution:
-        claim = Claim(start=self.start, end=self.end, winding=winding)
+        claim = Claim(keep=self.keep, radius=self.radius, start=self.start, end=self.end, winding=winding)
         failed = Solution(control=None, start_state=None, claim=claim, status=Status.FAILED)
-        ends = self._ends(task, winding)
-        if ends is None:
+        formulation = self.posed(task, winding)
+        if formulation is None:
             return replace(failed, message="the servo law is unstable on this horizon, so that it has no end state")
-        method = Method(objective=self.objective, scheme=self.scheme, degree=self.degree, tolerance=self.tolerance)
-        turn = None if winding is None else 2 * math.pi * winding
-        search = Search(task, method, ends, turn)
-        attempt, reason = search.run(self.first_mesh(task))
+        search = Search(formulation, Method(degree=self.degree, tolerance=self.tolerance, options=self.options))
+        starts = starts_of(task, self.starts, formulation.settings.ends.turn)
+        attempts = search.starts(self.first_mesh(task), [start.rotation for start in starts])
+        minima = distinct(formulation, starts, attempts)
+        attempt, reason = search.run(minima[0].attempt if minima else attempts[0])
+        statistics = {"rounds": search.rounds, "minima": [{"cost": m.cost, "starts": m.names} for m in minima]}
         if attempt.outcome.status is not Status.OK or reason:
             status = attempt.outcome.status if attempt.outcome.status is not Status.OK else Status.FAILED
-            return replace(failed, status=status, message=reason, statistics={"rounds": search.rounds})
-        statistics = {"claimed_cost": attempt.outcome.cost, "rounds": search.rounds}
-        return replace(self._solution(task, attempt), claim=claim, statistics=statistics)
-
-    def _ends(self, task: Task, winding: int | None) -> Ends | None:
-        given = np.array([task.start.heading, task.start.heading_rate])
-        start, end, difference = Bounds.fixed(given), Bounds.free(2), Bounds.free(2)
-        if self.end == "law":
-            motion, _ = law_motion(ServoLaw(), task, np.array([0.0, task.duration]), tolerance=1e-12)
-            if motion is None:
-                return None
-            end = Bounds.fixed(motion[:2, -1])
-        elif self.end == "rest":
-            end = Bounds(lower=np.array([-np.inf, 0.0]), upper=np.array([np.inf, 0.0]))
-        elif winding is not None:
-            difference = Bounds.fixed(np.array([2 * math.pi * winding, 0.0]))
-        if self.start == "free":
-            # Headings that differ by full turns are the same start.
-            turn = np.array([math.pi, np.inf])
-            start = Bounds(lower=given - turn, upper=given + turn)
-        return Ends(start=start, end=end, difference=difference)
-
-    def _solution(self, task: Task, attempt: Attempt) -> Solution:
-        transcription, nodes, edges = attempt.transcription, attempt.outcome.nodes, attempt.edges
-        null_count = task.platform.wheel_count - 3
-        missing = null_count + 1 - len(nodes.control)
-        signals = np.concatenate([nodes.control, np.zeros((missing, *nodes.control.shape[1:]))])
-        signal = PiecewisePolynomial(edges, transcription.scheme.points, signals)
-        law = open_loop_function(task.platform.wheel_count, *task.motion_structure)
-        s = np.linspace(0.0, 1.0, 12, endpoint=False)
-        t = np.append((edges[:-1, None] + np.diff(edges)[:, None] * s).ravel(), task.duration)
-        state, _, control = transcription.interpolate(nodes, np.append(s, 1.0))
-        inner = [np.append(row[:, :-1].ravel(), row[-1, -1]) for row in (*state, control[0])]
-        return Solution(
-            control=SymbolicControl(law, task.path_data, signal, task.motion.knots(task.duration)),
-            start_state=task.state_on_program(0.0, *nodes.edges[:, 0]),
-            claimed=path_trajectory(task, t, *inner),
-            local_objective=self.objective,
+            return replace(failed, status=status, message=reason, statistics=statistics)
+        return replace(
+            self._solution(formulation, attempt, minima),
+            claim=claim,
+            statistics=statistics
+            | {"claimed_cost": attempt.outcome.cost, "complementarity_W": self._complementarity(formulation, attempt)},
         )
+
+    @staticmethod
+    def _complementarity(formulation: Formulation, attempt: Attempt) -> float | None:
+        return formulation.complementarity(attempt.transcription, attempt.outcome.nodes, attempt.numbers)
+
+    def _solution(self, formulation: Formulation, attempt: Attempt, minima: list[Minimum]) -> Solution:
+        transcription, nodes, edges = attempt.transcription, attempt.outcome.nodes, attempt.edges
+        return Solution(
+            control=formulation.control(transcription, edges, nodes),
+            start_state=formulation.start_state(nodes),
+            claimed=formulation.claimed(transcription, edges, nodes),
+            local_objective=None if self.objective == "weighted" or self.control == "constant" else self.objective,
+            message="; ".join(self._notes(formulation, attempt, minima)),
+        )
+
+    def _notes(self, formulation: Formulation, attempt: Attempt, minima: list[Minimum]) -> list[str]:
+        """What there is to say of a solution that is fine."""
+        assert attempt.error is not None
+        notes = [f"local optimum, error between nodes {attempt.error.total:.1g} on {len(attempt.edges) - 1} intervals"]
+        if not is_regular(self.aim.terms):
+            notes.append(note(formulation, attempt.edges, attempt.outcome.nodes))
+        if is_non_smooth(self.aim.terms) and self.aim.terms[-1] == "copper_loss" and self.objective != "weighted":
+            notes.append(
+                f"with {self.aim.weights[-1]:g} times the copper loss to settle what the objective leaves open"
+            )
+        if self.starts > 1:
+            worst = max(minimum.cost for minimum in minima)
+            more = 100 * (worst / minima[0].cost - 1) if minima[0].cost > 0 else math.nan
+            others = f", the worst {more:.3g} % above the least" if len(minima) > 1 and math.isfinite(more) else ""
+            notes.append(f"{len(minima)} distinct local minima from {self.starts} starts{others}")
+        return notes

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from occ.optimal.mesh import gauss_legendre
-from occ.optimal.transcription import Nodes, Numbers, Transcription, flat
+from occ.optimal.problem import Nodes, Numbers, flat
+from occ.optimal.transcription import Transcription
 from occ.trajectory import lagrange_basis
 
 

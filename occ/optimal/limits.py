@@ -9,14 +9,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
-from occ.optimal.transcription import Nodes, Numbers, Transcription, flat
+from occ.optimal.problem import Row
 from occ.task import Limits
 
-QUANTITIES = ("torque", "wheel_speed", "wheel_power")
+QUANTITIES = ("torque", "wheel_speed", "wheel_power", "torque_speed_line", "platform_speed", "torque_rate")
 """What can be limited, in the order of the path conditions; the names are those of `occ.task.Limits`."""
-NEEDS_NULL_TORQUE = ("torque", "wheel_power")
+NEEDS_NULL_TORQUE = ("torque", "wheel_power", "torque_speed_line", "torque_rate")
 """Limits that see how a wrench is shared among the wheels."""
 SAMPLES = 24
 """Places in each interval at which limits are looked at."""
@@ -32,8 +33,98 @@ def limited_quantities(limits: Limits) -> tuple[str, ...]:
 
 
 def limit_values(limits: Limits, wheel_count: int) -> np.ndarray:
-    """(k n,) The limits in the order of the path conditions: n wheels for each limited quantity."""
-    return np.repeat([getattr(limits, name) for name in limited_quantities(limits)], wheel_count).astype(float)
+    """(k,) Largest absolute values in the order of the path conditions; the platform's speed appears squared.
+
+    Args:
+        limits: of the task.
+        wheel_count: n.
+
+    Returns:
+        One entry a wheel, or one for the platform, for each limited quantity.
+    """
+    values: list[float] = []
+    for name in limited_quantities(limits):
+        if limits.platform_speed is not None and name == "platform_speed":
+            values.append(limits.platform_speed**2)
+        else:
+            values += [1.0 if name == "torque_speed_line" else getattr(limits, name)] * wheel_count
+    return np.array(values)
+
+
+_WORDS = {
+    "torque": ("torque", "N m"),
+    "wheel_speed": ("speed", "rad/s"),
+    "wheel_power": ("power", "W"),
+    "torque_speed_line": ("voltage", "of the full voltage"),
+    "torque_rate": ("torque rate", "N m/s"),
+}
+
+
+def limit_names(names: tuple[str, ...], wheel_count: int) -> tuple[Row, ...]:
+    """What each of the `limit_values` is.
+
+    Args:
+        names: of the limited quantities.
+        wheel_count: n.
+
+    Returns:
+        In the same order.
+    """
+    rows: list[Row] = []
+    for name in names:
+        if name == "platform_speed":
+            rows.append(Row("platform speed squared", "m^2/s^2"))
+        else:
+            rows += [Row(*_WORDS[name], wheel) for wheel in range(1, wheel_count + 1)]
+    return tuple(rows)
+
+
+def limit_expressions(names: tuple[str, ...], moment: LimitedMoment) -> ca.SX:
+    """(k,) The limited quantities, CasADi.
+
+    Args:
+        names: of the limited quantities.
+        moment: what they depend on.
+
+    Returns:
+        In the order of `limit_rows`.
+    """
+    m, w = moment.torque, moment.rates
+    stall, no_load = ca.vertsplit(moment.line)
+    table = {
+        "torque": m,
+        "wheel_speed": w,
+        "wheel_power": m * w,
+        "torque_speed_line": m * stall + w * no_load,
+        "platform_speed": ca.sumsqr(moment.velocity[:2]),
+        "torque_rate": moment.torque_rate,
+    }
+    return ca.vertcat(*(table[name] for name in names)) if names else ca.SX(0, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class LimitedMoment:
+    """What the limited quantities depend on at one time, CasADi.
+
+    Args:
+        torque: (n,) M.
+        rates: (n,) phi'.
+        velocity: (3,) pi'.
+        torque_rate: (n,) dM/dt.
+        line: (2,) 1 / stall torque, 1 / no-load speed; zeros where there is no such limit.
+    """
+
+    torque: ca.SX
+    rates: ca.SX
+    velocity: ca.SX
+    torque_rate: ca.SX
+    line: ca.SX
+
+
+def line_numbers(limits: Limits) -> tuple[float, float]:
+    """1 / stall torque [1/(N m)] and 1 / no-load speed [s/rad]; zeros where there is no torque-speed line."""
+    line = limits.torque_speed_line
+    return (0.0, 0.0) if line is None else (1.0 / line[0], 1.0 / line[1])
 
 
 @dataclass(frozen=True)
@@ -42,25 +133,39 @@ class LimitedArcs:
 
     Args:
         t: (N, m) [s] sample times in each interval, its ends included.
-        load: (k n, N, m) |quantity| / limit.
+        load: (k, N, m) |quantity| / limit.
         node_times: (N d,) [s].
-        node_load: (k n, N d) the same at the collocation points.
+        node_load: (k, N d) the same at the collocation points.
+        hard: so many of the rows are limits of the task; the others follow the solution (the largest torque).
+        clipped: (j, N, m) powers whose positive parts are counted.
     """
 
     t: np.ndarray
     load: np.ndarray
     node_times: np.ndarray
     node_load: np.ndarray
+    hard: int
+    clipped: np.ndarray
 
     @property
     def excess(self) -> np.ndarray:
-        """(k n, N) Largest excess in each interval, relative to the limit; 0 where there is none."""
+        """(k, N) Largest excess in each interval, relative to the limit; 0 where there is none."""
         return np.maximum(self.load.max(axis=2) - 1.0, 0.0)
 
+    @property
+    def hard_excess(self) -> np.ndarray:
+        """(hard, N) The same over the limits of the task only."""
+        return self.excess[: self.hard]
+
+    @property
+    def soft_excess(self) -> np.ndarray:
+        """(k - hard, N) The same over the largest torque, which is the cost."""
+        return self.excess[self.hard :]
+
     def switching_times(self) -> np.ndarray:
-        """[s] Times at which a quantity moves on to its limit or leaves it, from its values on the free side."""
-        times = []
-        t, load = self.t.ravel(), self.load.reshape(len(self.load), -1)
+        """[s] Times at which a quantity moves on to its limit or leaves it, or a clipped power changes its sign."""
+        times = list(self.sign_changes())
+        t, load = self.t.ravel(), self.load.reshape(len(self.load), self.t.size)
         for row, nodes in zip(load, self.node_load, strict=True):
             active = nodes > 1.0 - ACTIVE
             for k in np.flatnonzero(active[1:] != active[:-1]):
@@ -72,34 +177,14 @@ class LimitedArcs:
                     times.append(t[inside[0]] if active[k + 1] else t[inside[-1]])
         return np.array(sorted(times))
 
-
-def limited_arcs(
-    transcription: Transcription, nodes: Nodes, numbers: Numbers, sample_data: np.ndarray, limits: np.ndarray
-) -> LimitedArcs:
-    """The path conditions along the polynomials, relative to their limits.
-
-    Args:
-        transcription: whose path conditions are the limited quantities.
-        nodes: the solution.
-        numbers: with which it was found.
-        sample_data: (nd, N, m) node data at `sample_places`.
-        limits: (k n,) untightened.
-
-    Returns:
-        Loads at samples and nodes.
-    """
-    s = sample_places()
-    state, _, control = transcription.interpolate(nodes, s)
-    path = transcription.evaluate(flat(state), flat(control), flat(sample_data), numbers.parameters)[2]
-    at_nodes = transcription.evaluate(flat(nodes.points), flat(nodes.control), flat(numbers.data), numbers.parameters)[
-        2
-    ]
-    t = numbers.edges[:-1, None] + np.diff(numbers.edges)[:, None] * s
-    load = np.abs(path) / limits[:, None]
-    node_load = np.abs(at_nodes) / limits[:, None]
-    return LimitedArcs(
-        t, load.reshape(len(limits), *t.shape), transcription.node_times(numbers.edges).ravel(), node_load
-    )
+    def sign_changes(self) -> np.ndarray:
+        """[s] Times at which a clipped power changes its sign."""
+        t, clipped = self.t.ravel(), self.clipped.reshape(len(self.clipped), self.t.size)
+        # Where a power is held at zero its sign is rounding.
+        large = np.abs(clipped) > 1e-6 * np.abs(clipped).max(initial=0.0)
+        row, k = np.nonzero((clipped[:, :-1] * clipped[:, 1:] < 0) & (large[:, :-1] | large[:, 1:]))
+        before, after = clipped[row, k], clipped[row, k + 1]
+        return np.sort(t[k] + (t[k + 1] - t[k]) * before / (before - after))
 
 
 def sample_places() -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Direct collocation of an optimal control problem: polynomials, defects, quadrature, and the nonlinear program.
+"""Direct collocation of an optimal control problem: one nonlinear program for one structure, solved for many numbers.
 
 The transcription knows nothing of platforms.  It is built once for a structure (problem, number of intervals, degree,
 scheme); widths, node data, parameters and bounds are numbers that are written into it at each solve.
@@ -6,119 +6,23 @@ scheme); widths, node data, parameters and bounds are numbers that are written i
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from occ.errors import Status
 from occ.numeric import evaluate_many
+from occ.optimal.layout import Layout, blocks, stages
 from occ.optimal.mesh import Scheme, SchemeName, scheme
+from occ.optimal.problem import Bounds, Nodes, Numbers, Problem, flat
+from occ.optimal.program import Program, collocation_program
+from occ.optimal.solvers import SolverOptions, nonlinear_solver, read_verdict
 from occ.trajectory import lagrange_basis
 
-
-@dataclass(frozen=True, eq=False)
-class Problem:
-    """min F(x(0), x(T), p) + integral of g(x, u, d(t), p) dt subject to x' = f(x, u, d(t), p).
-
-    All are CasADi SX: symbols in the first block, expressions of them in the second.
-
-    Args:
-        state: (nx,) x.
-        control: (nu,) u.
-        data: (nd,) d, known functions of time, given at the nodes.
-        parameters: (np,) p.
-        start: (nx,) x(0), for the terminal cost and the boundary conditions.
-        end: (nx,) x(T).
-        rate: (nx,) f.
-        integrand: g.
-        terminal: F.
-        path: (nh,) h(x, u, d, p), kept between bounds at the collocation points.
-        boundary: (nb,) B(x(0), x(T), p), kept between bounds.
-    """
-
-    state: ca.SX
-    control: ca.SX
-    data: ca.SX
-    parameters: ca.SX
-    start: ca.SX
-    end: ca.SX
-    rate: ca.SX
-    integrand: ca.SX
-    terminal: ca.SX = field(default_factory=lambda: ca.SX(0))
-    path: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
-    boundary: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
-
-    def node_function(self) -> ca.Function:
-        """CasADi function (x, u, d, p) -> f, g, h."""
-        arguments = [self.state, self.control, self.data, self.parameters]
-        return ca.Function("node", arguments, [ca.densify(x) for x in (self.rate, self.integrand, self.path)])
-
-    def boundary_function(self) -> ca.Function:
-        """CasADi function (x(0), x(T), p) -> F, B."""
-        arguments = [self.start, self.end, self.parameters]
-        return ca.Function("boundary", arguments, [ca.densify(self.terminal), ca.densify(self.boundary)])
-
-
-@dataclass(frozen=True, kw_only=True)
-class Bounds:
-    """Lower and upper bounds of one quantity, each (k,); infinities are legal."""
-
-    lower: np.ndarray
-    upper: np.ndarray
-
-    @classmethod
-    def free(cls, size: int) -> Bounds:
-        """No bounds."""
-        return cls(lower=np.full(size, -np.inf), upper=np.full(size, np.inf))
-
-    @classmethod
-    def fixed(cls, value: np.ndarray) -> Bounds:
-        """Equality."""
-        return cls(lower=np.asarray(value, dtype=float), upper=np.asarray(value, dtype=float))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Numbers:
-    """Everything that may change between two solves of one structure.
-
-    Args:
-        edges: (N + 1,) [s] mesh.
-        data: (nd, N, d) at the collocation points.
-        parameters: (np,).
-        start: of x(0).
-        end: of x(T).
-        state: of x at all nodes; None is free.
-        control: of u at all collocation points; None is free.
-        path: of h, the same at all nodes (nh,) or node by node (nh, N, d); None where there is no h.
-        boundary: of B; None where there is no B.
-    """
-
-    edges: np.ndarray
-    data: np.ndarray
-    parameters: np.ndarray
-    start: Bounds
-    end: Bounds
-    state: Bounds | None = None
-    control: Bounds | None = None
-    path: Bounds | None = None
-    boundary: Bounds | None = None
-
-
-@dataclass(frozen=True)
-class Nodes:
-    """Values on a mesh: a guess, or a solution.
-
-    Args:
-        edges: (nx, N + 1) states at the edges of the intervals.
-        points: (nx, N, d) states at the collocation points.
-        control: (nu, N, d) controls at the collocation points.
-    """
-
-    edges: np.ndarray
-    points: np.ndarray
-    control: np.ndarray
+VIOLATION = 1e-6
+"""Conditions that are passed by more, relative to max(1, their size), are not met."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -127,7 +31,7 @@ class Outcome:
 
     Args:
         status: ``OK`` where it converged.
-        message: the solver's own words otherwise.
+        message: what happened otherwise, in words.
         cost: claimed value of the objective.
         nodes: the solution.
         statistics: iterations and times.
@@ -140,19 +44,12 @@ class Outcome:
     statistics: dict[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True)
-class SolverOptions:
-    """Of IPOPT.
+class _Variant(NamedTuple):
+    """What a solver is made for: bounds between the ends, conditions that couple the ends, a start from nearby."""
 
-    Args:
-        tolerance: of the optimality conditions.
-        iterations: at most.
-        seconds: at most, of wall time.
-    """
-
-    tolerance: float = 1e-10
-    iterations: int = 500
-    seconds: float = 60.0
+    bounded: bool
+    boundary: bool
+    restart: bool
 
 
 class Transcription:
@@ -163,7 +60,7 @@ class Transcription:
         intervals: N.
         degree: d, of the state's polynomial in each interval.
         name: of the collocation scheme.
-        options: of the solver.
+        options: which solver, and its tolerance and limits.
 
     Source: Betts, Practical Methods for Optimal Control and Estimation, chapter 4; Biegler, Nonlinear Programming,
         chapter 10.
@@ -177,156 +74,115 @@ class Transcription:
         name: SchemeName = "radau",
         options: SolverOptions | None = None,
     ) -> None:
-        self.problem, self.intervals, self.degree = problem, intervals, degree
+        self.problem, self.intervals, self.degree, self.name = problem, intervals, degree, name
         self.scheme: Scheme = scheme(name, degree)
         self.options = options or SolverOptions()
         self._node = problem.node_function()
-        self._boundary = problem.boundary_function()
-        self._solver = self._build()
+        self._programs: dict[bool, tuple[Program, Layout]] = {}
+        self._solvers: dict[_Variant, ca.Function] = {}
+        # What most solves use is built now, so that a solve builds nothing.
+        self._solver(self._variant(self.sizes[4] > 0, False, False))
 
     @property
     def sizes(self) -> tuple[int, int, int, int, int, int]:
         """nx, nu, nd, np, nh, nb."""
-        p = self.problem
-        return tuple(x.numel() for x in (p.state, p.control, p.data, p.parameters, p.path, p.boundary))
+        return self.problem.sizes
 
-    def _build(self) -> ca.Function:
-        nx, nu, nd, np_, _, _ = self.sizes
-        count, degree, s = self.intervals, self.degree, self.scheme
-        free_points = degree - 1 if s.ends_on_point else degree
-        edges = ca.MX.sym("edges", nx, count + 1)
-        inner = ca.MX.sym("inner", nx, count * free_points)
-        control = ca.MX.sym("control", nu, count * degree)
-        widths = ca.MX.sym("widths", 1, count)
-        data = ca.MX.sym("data", nd, count * degree)
-        parameters = ca.MX.sym("parameters", np_)
+    def _variant(self, bounded: bool, boundary: bool, restart: bool) -> _Variant:
+        # IPOPT takes void bounds and conditions at no cost.
+        return _Variant(True, True, restart) if self.options.solver == "ipopt" else _Variant(bounded, boundary, restart)
 
-        # States at all collocation points, interval by interval.
-        blocks = []
-        for k in range(count):
-            blocks.append(inner[:, k * free_points : (k + 1) * free_points])
-            if s.ends_on_point:
-                blocks.append(edges[:, k + 1])
-        points = ca.horzcat(*blocks)
-        node = self._node.map("nodes", "serial", count * degree, [3], [])
-        rate, integrand, path = node(points, control, data, parameters)
+    def _solver(self, variant: _Variant) -> tuple[ca.Function, Layout]:
+        if variant.boundary not in self._programs:
+            ipopt = self.options.solver == "ipopt"
+            layout = (
+                blocks(self.problem, self.scheme, self.intervals)
+                if ipopt
+                else stages(self.problem, self.scheme, self.intervals, variant.boundary)
+            )
+            self._programs[variant.boundary] = collocation_program(self.problem, self.scheme, layout, ipopt), layout
+        program, layout = self._programs[variant.boundary]
+        if variant not in self._solvers:
+            self._solvers[variant] = nonlinear_solver(
+                program, self.options, layout.stages, bounded=variant.bounded, restart=variant.restart
+            )
+        return self._solvers[variant], layout
 
-        # This is the key line: the polynomial's derivative is the rate at each collocation point.
-        defects, ends, cost = [], [], ca.MX(0)
-        for k in range(count):
-            chosen = slice(k * degree, (k + 1) * degree)
-            values = ca.horzcat(edges[:, k], points[:, chosen])
-            defects.append(ca.vec(values @ ca.DM(s.derivative) - widths[k] * rate[:, chosen]))
-            if not s.ends_on_point:
-                ends.append(edges[:, k + 1] - values @ ca.DM(s.end))
-            cost += widths[k] * (integrand[:, chosen] @ ca.DM(s.weights))
-        terminal, boundary = self._boundary(edges[:, 0], edges[:, -1], parameters)
-        nlp = {
-            "x": ca.veccat(edges, inner, control),
-            "p": ca.veccat(widths, data, parameters),
-            "f": cost + terminal,
-            "g": ca.vertcat(*defects, *ends, ca.vec(path), boundary),
-        }
-        self._equalities = sum(x.numel() for x in (*defects, *ends))
-        options = {
-            # Small programs run faster as one flat expression; large ones would take long to flatten.
-            "expand": count * degree <= 600,
-            "print_time": False,
-            "record_time": True,
-            # Multipliers of the parameters would cost as much as the solution, and nobody asks for them.
-            "calc_lam_p": False,
-            "no_nlp_grad": True,
-            "error_on_fail": False,
-            "ipopt": {
-                "print_level": 0,
-                "sb": "yes",
-                "tol": self.options.tolerance,
-                "constr_viol_tol": self.options.tolerance,
-                "max_iter": self.options.iterations,
-                "max_wall_time": self.options.seconds,
-                "fixed_variable_treatment": "make_parameter",
-            },
-        }
-        return ca.nlpsol("collocation", "ipopt", nlp, options)
-
-    def solve(self, numbers: Numbers, guess: Nodes) -> Outcome:
-        """Solve with these numbers; nothing is built.
+    def solve(self, numbers: Numbers, guess: Nodes, restart: bool = False) -> Outcome:
+        """Solve with these numbers.
 
         Args:
             numbers: mesh, data, parameters and bounds.
             guess: to start from.
+            restart: the guess is the solution of a problem nearby, bounds included: start with a small barrier.
 
         Returns:
             The outcome, also where the solver fails.
         """
+        bounded, boundary = (
+            any(bounds is not None and bool(bounds.finite.any()) for bounds in group)
+            for group in ((numbers.state, numbers.control, numbers.path), (numbers.boundary,))
+        )
+        solver, layout = self._solver(self._variant(bounded, boundary, restart))
+        arguments = self._arguments(layout, numbers, guess)
         try:
-            result = self._solver(**self._arguments(numbers, guess))
-            statistics = self._solver.stats()
+            result = solver(**arguments)
+            verdict = read_verdict(solver.stats(), self.options)
         except RuntimeError as error:
             return Outcome(
                 status=Status.FAILED, message=f"the solver stopped: {error}", cost=np.nan, nodes=guess, statistics={}
             )
-        status, message = _read_status(statistics)
-        return Outcome(
-            status=status,
-            message=message,
-            cost=float(result["f"]),
-            nodes=self._unpack(np.array(result["x"])[:, 0]),
-            statistics={
-                "iterations": int(statistics["iter_count"]),
-                "seconds": float(statistics.get("t_wall_total", np.nan)),
-                "return_status": statistics["return_status"],
-            },
-        )
+        status, message, cost = verdict.status, verdict.message, float(result["f"])
+        nodes = _unpack(layout, result["x"].full()[:, 0])
+        # A solver's own word is not enough: FATROP calls a cost that is no number a success.
+        if not np.isfinite(cost) or verdict.not_finite:
+            status, message = Status.FAILED, self._what_is_not_finite(numbers, nodes)
+        elif status is Status.OK and _violation(arguments, result) > VIOLATION:
+            message = f"the solver's answer violates its conditions by {_violation(arguments, result):.2g}"
+            status = Status.FAILED
+        return Outcome(status=status, message=message, cost=cost, nodes=nodes, statistics=dict(verdict.statistics))
 
-    def _arguments(self, numbers: Numbers, guess: Nodes) -> dict[str, np.ndarray]:
+    def _what_is_not_finite(self, numbers: Numbers, nodes: Nodes) -> str:
+        """The first function and time at which it is no number, in words."""
+        values = self.evaluate(flat(nodes.points), flat(nodes.control), flat(numbers.data), numbers.parameters)
+        times = self.node_times(numbers.edges).ravel()
+        for name, value in zip(("rate of the state", "integrand", "path condition"), values, strict=True):
+            wrong = np.flatnonzero(~np.isfinite(np.atleast_2d(value)).all(axis=0))
+            if wrong.size:
+                return f"a function of the problem is not finite: the {name} at t = {times[wrong[0]]:.4g} s"
+        return "a function of the problem, or a derivative of one, is not finite"
+
+    def _arguments(self, layout: Layout, numbers: Numbers, guess: Nodes) -> dict[str, np.ndarray]:
         nx, nu, _, _, nh, nb = self.sizes
-        count, degree = self.intervals, self.degree
         state, control = numbers.state or Bounds.free(nx), numbers.control or Bounds.free(nu)
         path, boundary = numbers.path or Bounds.free(nh), numbers.boundary or Bounds.free(nb)
-        inner = count * (degree - 1 if self.scheme.ends_on_point else degree)
 
-        def variables(side: str) -> np.ndarray:
-            bound, extreme = getattr(state, side), np.maximum if side == "lower" else np.minimum
-            edges = np.repeat(bound[:, None], count + 1, axis=1)
-            edges[:, 0] = extreme(edges[:, 0], getattr(numbers.start, side))
-            edges[:, -1] = extreme(edges[:, -1], getattr(numbers.end, side))
-            return np.concatenate(
-                [edges.ravel(order="F"), np.tile(bound, inner), np.tile(getattr(control, side), count * degree)]
-            )
+        def unknowns(side: str) -> np.ndarray:
+            extreme = np.maximum if side == "lower" else np.minimum
+            values = np.full(layout.unknowns, -np.inf if side == "lower" else np.inf)
+            values[layout.points] = getattr(state, side)[:, None, None]
+            values[layout.edges] = getattr(state, side)[:, None]
+            for edge, bounds in ((0, numbers.start), (-1, numbers.end)):
+                values[layout.edges[:, edge]] = extreme(values[layout.edges[:, edge]], getattr(bounds, side))
+            values[layout.control] = getattr(control, side)[:, None, None]
+            return values
 
-        def constraints(side: str) -> np.ndarray:
+        def conditions(side: str) -> np.ndarray:
+            values = np.zeros(layout.conditions)
             bound = getattr(path, side)
-            nodes = np.tile(bound, count * degree) if bound.ndim == 1 else flat(bound).ravel(order="F")
-            return np.concatenate([np.zeros(self._equalities), nodes, getattr(boundary, side)])
+            values[layout.path] = bound[:, None, None] if bound.ndim == 1 else bound
+            if layout.boundary is not None:
+                values[layout.boundary] = getattr(boundary, side)
+            return values
 
-        widths = np.diff(numbers.edges)
-        data = flat(numbers.data).ravel(order="F")
         return {
-            "x0": self._pack(guess),
-            "p": np.concatenate([widths, data, numbers.parameters]),
-            "lbx": variables("lower"),
-            "ubx": variables("upper"),
-            "lbg": constraints("lower"),
-            "ubg": constraints("upper"),
+            "x0": _pack(layout, guess),
+            "p": np.concatenate([np.diff(numbers.edges), flat(numbers.data).ravel(order="F"), numbers.parameters]),
+            "lbx": unknowns("lower"),
+            "ubx": unknowns("upper"),
+            "lbg": conditions("lower"),
+            "ubg": conditions("upper"),
         }
-
-    def _pack(self, nodes: Nodes) -> np.ndarray:
-        inner = nodes.points[:, :, :-1] if self.scheme.ends_on_point else nodes.points
-        blocks = [nodes.edges, flat(inner), flat(nodes.control)]
-        return np.concatenate([block.ravel(order="F") for block in blocks])
-
-    def _unpack(self, x: np.ndarray) -> Nodes:
-        nx, nu, *_ = self.sizes
-        count, degree = self.intervals, self.degree
-        inner_degree = degree - 1 if self.scheme.ends_on_point else degree
-        cut = nx * (count + 1), nx * (count + 1) + nx * count * inner_degree
-        edges = x[: cut[0]].reshape(nx, count + 1, order="F")
-        inner = x[cut[0] : cut[1]].reshape(nx, count * inner_degree, order="F").reshape(nx, count, inner_degree)
-        if self.scheme.ends_on_point:
-            inner = np.concatenate([inner, edges[:, 1:, None]], axis=2)
-        control = x[cut[1] :].reshape(nu, count * degree, order="F").reshape(nu, count, degree)
-        return Nodes(edges, inner, control)
 
     def node_times(self, edges: np.ndarray) -> np.ndarray:
         """(N, d) [s] times of the collocation points on a mesh (N + 1,)."""
@@ -382,19 +238,24 @@ class Transcription:
         return rate, integrand[0], path
 
 
-def flat(values: np.ndarray) -> np.ndarray:
-    """(k, N, d) values at nodes as (k, N d), interval by interval."""
-    return values.reshape(values.shape[0], values.shape[1] * values.shape[2])
+def _pack(layout: Layout, nodes: Nodes) -> np.ndarray:
+    x = np.zeros(layout.unknowns)
+    x[layout.points], x[layout.edges], x[layout.control] = nodes.points, nodes.edges, nodes.control
+    if layout.memory.size:
+        x[layout.memory] = nodes.edges[:, :1]
+    return x
 
 
-def _read_status(statistics: dict[str, Any]) -> tuple[Status, str]:
-    if statistics["success"]:
-        return Status.OK, ""
-    words = {
-        "Infeasible_Problem_Detected": (Status.INFEASIBLE, "the solver found the constraints to contradict each other"),
-        "Maximum_Iterations_Exceeded": (Status.FAILED, "the solver used all its iterations"),
-        "Maximum_WallTime_Exceeded": (Status.FAILED, "the solver used all its time"),
-        "Invalid_Number_Detected": (Status.FAILED, "a function of the problem is not finite"),
-    }
-    reason = statistics["return_status"]
-    return words.get(reason, (Status.FAILED, f"the solver stopped with {reason}"))
+def _violation(arguments: dict[str, np.ndarray], result: dict[str, ca.DM]) -> float:
+    """Largest amount by which bounds and conditions are passed, relative to max(1, their size)."""
+    worst = 0.0
+    for value, low, high in (("x", "lbx", "ubx"), ("g", "lbg", "ubg")):
+        found, lower, upper = result[value].full()[:, 0], arguments[low], arguments[high]
+        for excess, bound in ((lower - found, lower), (found - upper, upper)):
+            size = np.maximum(1.0, np.where(np.isfinite(bound), np.abs(bound), 1.0))
+            worst = max(worst, float((excess / size).max(initial=0.0)))
+    return worst
+
+
+def _unpack(layout: Layout, x: np.ndarray) -> Nodes:
+    return Nodes(x[layout.edges], x[layout.points], x[layout.control])

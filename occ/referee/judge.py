@@ -10,13 +10,16 @@ from typing import Any, get_args
 
 import numpy as np
 
+from occ.control import Control
 from occ.errors import Status
 from occ.numeric import evaluate_many
-from occ.objectives import OBJECTIVES
+from occ.objectives import INTEGRALS
+from occ.plant import Plant
+from occ.referee.loads import excesses, peak
 from occ.referee.record import Record
 from occ.referee.reference import servo_end_state
 from occ.referee.replay import Replay, ReplayError, ReplaySettings, Samples
-from occ.task import Claim, EndClass, Keep, Solution, StartClass, Task
+from occ.task import Claim, ClaimedKeep, EndClass, Solution, StartClass, Task
 from occ.trajectory import Trajectory
 
 
@@ -77,17 +80,18 @@ def examine(task: Task, solution: Solution, tolerances: Tolerances | None = None
     record = Record(
         status=Status(solution.status),
         message=solution.message,
-        keep=claim.keep,
+        # Off the model no claim of the player is held against it, and none makes its row a bound.
+        keep="none" if task.off_model else claim.keep,
         start=claim.start,
-        end=claim.end,
-        local_objective=solution.local_objective,
+        end="free" if task.off_model else claim.end,
+        local_objective=None if task.off_model else solution.local_objective,
     )
     if record.status is not Status.OK:
         return Verdict(record)
     if solution.control is None or solution.start_state is None:
         return Verdict(replace(record, status=Status.FAILED, message="the player returned no control and no reason"))
     try:
-        replay = Replay(task.platform, solution.control, solution.start_state, task.duration, tolerances.integration)
+        replay = _replay(task, solution.control, solution.start_state, tolerances.integration)
         samples = replay.samples()
     except ReplayError as error:
         return Verdict(replace(record, status=Status.UNSTABLE, message=str(error)))
@@ -95,6 +99,13 @@ def examine(task: Task, solution: Solution, tolerances: Tolerances | None = None
     status, message = _check(task, solution, measures, replay, samples, tolerances)
     record = replace(record, measures=measures, status=status, message=message or record.message)
     return Verdict(record, replay, samples)
+
+
+def _replay(task: Task, control: Control, start: np.ndarray, settings: ReplaySettings) -> Replay:
+    """The true motion on the plant, from its own start and under a control that it may hold between samples."""
+    plant = task.plant or Plant()
+    offset = np.concatenate([plant.start_offset, np.zeros(3)])
+    return Replay(task.true_platform, control, start + offset, task.duration, settings, plant.sample_rate)
 
 
 def _malformed(task: Task, solution: Any) -> str:
@@ -110,9 +121,15 @@ def _malformed(task: Task, solution: Any) -> str:
         return f"the player returned the status {solution.status!r}, not one of {', '.join(Status)}"
     if not isinstance(claim, Claim):
         return f"the player returned {_kind(claim)} as its claim, not a Claim"
-    for part, options in (("keep", get_args(Keep)), ("start", get_args(StartClass)), ("end", get_args(EndClass))):
+    for part, options in (
+        ("keep", get_args(ClaimedKeep)),
+        ("start", get_args(StartClass)),
+        ("end", get_args(EndClass)),
+    ):
         if getattr(claim, part) not in options:
             return f"the player claims the {part} {getattr(claim, part)!r}, not one of {', '.join(options)}"
+    if (claim.keep == "tube") != (isinstance(claim.radius, float) and 0 < claim.radius < np.inf):
+        return f"the player claims the keep {claim.keep!r} with the radius {claim.radius!r}; a tube has one in m"
     if not isinstance(claimed, Trajectory | None):
         return f"the player returned {_kind(claimed)} as its claimed motion, not a Trajectory"
     if solution.status != Status.OK or solution.control is None or solution.start_state is None:
@@ -154,16 +171,16 @@ def measure(task: Task, solution: Solution, replay: Replay, samples: Samples) ->
         By the names of `MEASURES`.
     """
     integrals = samples.integrands @ samples.weight
-    measures = {item.column: float(integrals[i]) for i, item in enumerate(OBJECTIVES.values())}
+    measures = {item.column: float(integrals[i]) for i, item in enumerate(INTEGRALS.values())}
     kinetic = float(samples.kinetic_energy[-1] - samples.kinetic_energy[0])
     dissipation = float(samples.dissipation @ samples.weight)
     measures |= {
         "kinetic_change_J": kinetic,
         "dissipation_J": dissipation,
         "energy_residual_J": measures["work_J"] - kinetic - dissipation,
-        "peak_torque_Nm": _peak(replay, samples, "torque")[0],
-        "peak_wheel_speed_rad_s": _peak(replay, samples, "wheel_rates")[0],
-        "peak_power_W": _peak(replay, samples, "power")[0],
+        "peak_torque_Nm": peak(replay, samples, lambda s: s.torque).value,
+        "peak_wheel_speed_rad_s": peak(replay, samples, lambda s: s.wheel_rates).value,
+        "peak_power_W": peak(replay, samples, lambda s: s.power).value,
     }
     position, velocity = task.point_motion(samples.state)
     program, program_velocity, _ = task.motion.at(samples.t)
@@ -173,54 +190,11 @@ def measure(task: Task, solution: Solution, replay: Replay, samples: Samples) ->
         "position_error_m": float(distance.max()),
         "position_error_end_m": float(distance[-1]),
     }
+    if solution.claim.keep != "ends":
+        measures["tube_radius_m"] = solution.claim.radius or 0.0
     measures["defect"], measures["replay_error_m"] = _claim_errors(task, solution, replay)
-    measures["limit_excess"] = max((excess for excess, _ in _excesses(task, replay, samples)), default=0.0)
+    measures["limit_excess"] = max((excess for excess, _ in excesses(task, replay, samples)), default=0.0)
     return measures
-
-
-def _peak(replay: Replay, samples: Samples, quantity: str) -> tuple[float, int, float]:
-    """Largest absolute value between nodes too: the best panel is sampled again, three times finer and finer.
-
-    Returns:
-        Value, wheel (from 0) and time [s].
-    """
-    values = np.abs(getattr(samples, quantity))
-    wheel, column = (int(i) for i in np.unravel_index(np.argmax(values), values.shape))
-    best, when = float(values[wheel, column]), float(samples.t[column])
-    low, high = samples.t[max(column - 1, 0)], samples.t[min(column + 1, len(samples.t) - 1)]
-    for _ in range(3):
-        if not high > low:
-            break
-        t = np.linspace(low, high, 17)
-        fine = np.abs(getattr(replay.sample(t), quantity)[wheel])
-        k = int(np.argmax(fine))
-        low, high = t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)]
-        if fine[k] > best:
-            best, when = float(fine[k]), float(t[k])
-    return best, wheel, when
-
-
-def _excesses(task: Task, replay: Replay, samples: Samples) -> list[tuple[float, str]]:
-    """Relative excess over each limit of the task, with the sentence that names wheel, time, value and limit."""
-    limits = task.limits
-    rules = (
-        (limits.torque, "torque", "torque", "N m"),
-        (limits.wheel_speed, "wheel_rates", "speed", "rad/s"),
-        (limits.wheel_power, "power", "power", "W"),
-    )
-    found = []
-    for limit, quantity, word, unit in rules:
-        if limit is None:
-            continue
-        value, wheel, t = _peak(replay, samples, quantity)
-        over = np.any(np.abs(getattr(samples, quantity)) > limit, axis=0)
-        share = float(samples.weight[over].sum())
-        sentence = (
-            f"wheel {wheel + 1} {word} needs {value:.4f} {unit} at t = {t:.3f} s; limit {limit:g} {unit} "
-            f"(exceeded by {value - limit:.4f} {unit}; some wheel is over it for {share:.3g} s)"
-        )
-        found.append((max(value / limit - 1.0, 0.0), sentence))
-    return found
 
 
 def _claim_errors(task: Task, solution: Solution, replay: Replay) -> tuple[float, float]:
@@ -245,11 +219,12 @@ def _check(
     if not all(np.isfinite(value) for value in measures.values()):
         names = ", ".join(name for name, value in measures.items() if not np.isfinite(value))
         return Status.FAILED, f"not finite: {names}"
-    for check in (_check_energy, _check_start, _check_path, _check_claimed, _check_end):
+    claims = () if task.off_model else (_check_keep, _check_claimed, _check_end)
+    for check in (_check_energy, _check_start, *claims):
         reason = check(task, solution, measures, replay, samples, allowed)
         if reason:
             return Status.FAILED, reason
-    excess, sentence = max(_excesses(task, replay, samples), default=(0.0, ""))
+    excess, sentence = max(excesses(task, replay, samples), default=(0.0, ""))
     if excess > allowed.limit:
         return Status.INFEASIBLE, sentence
     return Status.OK, ""
@@ -285,14 +260,23 @@ def _check_start(
     return ""
 
 
-def _check_path(
+def _check_keep(
     task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
 ) -> str:
+    claim = solution.claim
     speed = float(np.hypot(*task.motion.at(samples.t)[1]).max())
-    if measures["velocity_error_m_s"] > allowed.path * max(1.0, speed):
-        return f"B leaves its program velocity by {measures['velocity_error_m_s']:.3g} m/s"
-    if measures["position_error_m"] > allowed.path * max(1.0, speed * task.duration):
-        return f"B leaves its program by {measures['position_error_m']:.3g} m"
+    allowed_distance = allowed.path * max(1.0, speed * task.duration)
+    if claim.keep == "tube":
+        assert claim.radius is not None
+        if measures["position_error_m"] > claim.radius + allowed_distance:
+            return (
+                f"B leaves its program by {measures['position_error_m']:.6g} m; radius of the tube {claim.radius:g} m"
+            )
+    elif claim.keep == "path":
+        if measures["velocity_error_m_s"] > allowed.path * max(1.0, speed):
+            return f"B leaves its program velocity by {measures['velocity_error_m_s']:.3g} m/s"
+        if measures["position_error_m"] > allowed_distance:
+            return f"B leaves its program by {measures['position_error_m']:.3g} m"
     return ""
 
 
@@ -313,18 +297,27 @@ def _check_end(
     task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
 ) -> str:
     end, claim = replay.end_state, solution.claim
+    # A path keeper's position at the end is checked with its path.
+    kept = claim.keep == "path"
     if claim.end == "free":
-        return ""
-    if claim.end == "law":
+        wanted, where = _on_program(task, end) if claim.keep == "ends" else end, "B's program"
+    elif claim.end == "law":
         wanted, where = servo_end_state(task), "the servo law's end state"
     elif claim.end == "rest":
-        wanted, where = np.append(end[:3], np.zeros(3)), "rest"
+        position = _on_program(task, end)[:2] if claim.keep == "ends" else end[:2]
+        wanted, where = np.concatenate([position, [end[2]], np.zeros(3)]), "rest"
     else:
         assert solution.start_state is not None
         turned = float(solution.start_state[2]) + 2 * np.pi * (claim.winding or 0)
-        wanted = np.concatenate([end[:2], [turned], solution.start_state[3:]])
+        position = end[:2] if kept else task.state_on_program(task.duration, turned, end[5])[:2]
+        wanted = np.concatenate([position, [turned], solution.start_state[3:]])
         where = f"its start with {claim.winding or 0} full turns"
     distance = float(np.abs(wanted - end).max())
     if distance > allowed.end:
         return f"the motion ends {distance:.3g} (SI units) away from {where}"
     return ""
+
+
+def _on_program(task: Task, end: np.ndarray) -> np.ndarray:
+    """(6,) The state with this heading and yaw rate and B on its program at the end."""
+    return task.state_on_program(task.duration, float(end[2]), float(end[5]))

@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from occ.errors import Status
-from occ.objectives import OBJECTIVES
+from occ.objectives import INTEGRALS
 
 MEASURES: dict[str, str] = {
-    **{item.column: f"integral of {item.equation} dt" for item in OBJECTIVES.values()},
+    **{item.column: item.meaning for item in INTEGRALS.values()},
     "kinetic_change_J": "T(end) - T(start)",
     "dissipation_J": "integral of pi'^T Z pi' dt",
     "energy_residual_J": "work - kinetic change - dissipation; zero up to the referee's rounding",
@@ -19,6 +19,7 @@ MEASURES: dict[str, str] = {
     "velocity_error_m_s": "largest distance of B's velocity from its program",
     "position_error_m": "largest distance of B from its program",
     "position_error_end_m": "distance of B from its program at the end",
+    "tube_radius_m": "distance that B may have from its program; 0 on the path, empty where only the ends are kept",
     "defect": "largest residual of the claimed motion in the equations of motion, relative to max(1, |x'|)",
     "replay_error_m": "largest distance between claimed and true positions of O and B",
     "limit_excess": "largest excess over a limit, relative to it; 0 where every limit is held",

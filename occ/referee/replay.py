@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import casadi as ca
 import numpy as np
 
-from occ.control import Control
+from occ.control import Control, HeldControl
 from occ.model.coefficients import coefficients, packed_size, unpack
 from occ.model.dynamics import friction_time, state_rate
 from occ.model.platform import Platform
@@ -20,6 +20,8 @@ from occ.trajectory import lagrange_basis
 LARGEST_STATE = 1e6
 LARGEST_RATE = 1e12
 """A state, or its rate, beyond these (SI) or not a number is reported as unstable."""
+SAME_TIME = 1e-12
+"""A sample this near to the end of the horizon, relative to it, is none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,7 +77,7 @@ class Samples:
         wheel_rates: (n, N) [rad/s].
         kinetic_energy: (N,) [J].
         dissipation: (N,) [W] pi'^T Z pi'.
-        integrands: (m, N) of all objectives, in the order of OBJECTIVES.
+        integrands: (m, N) of all integral objectives, in the order of INTEGRALS.
         nodes: of each panel; N is a multiple of it.
     """
 
@@ -127,6 +129,7 @@ class Replay:
         start: (6,) x(0).
         duration: [s] T.
         settings: tolerances.
+        sample_rate: [Hz] at which the control sees the state, its torques being held in between; None is always.
 
     Raises:
         ReplayError: the state grows beyond any physical value, is not finite, or the integrator gives up.
@@ -141,27 +144,37 @@ class Replay:
         start: np.ndarray,
         duration: float,
         settings: ReplaySettings | None = None,
+        sample_rate: float | None = None,
     ) -> None:
         self.platform, self.control, self.duration = platform, control, duration
         self.settings = settings or ReplaySettings()
-        inner = control.knots[(control.knots > 0.0) & (control.knots < duration)]
+        knots = control.knots if sample_rate is None else np.arange(1, duration * sample_rate) / sample_rate
+        inner = knots[(knots > 0.0) & (knots < duration * (1 - SAME_TIME))]
         self.edges = np.concatenate([[0.0], inner, [duration]])
         self._longest_step = self.settings.longest_step * friction_time(platform)
         self._pieces = []
         state = np.asarray(start, dtype=float)
+        held = []
         for begin, end in zip(self.edges[:-1], self.edges[1:], strict=True):
-            piece, state = self._integrate(begin, end, state)
+            torque = control.segment(begin, end)
+            if sample_rate is not None:
+                held.append(np.array(torque(begin, state)))
+                torque = partial(_constant, held[-1])
+            piece, state = self._integrate(begin, end, state, torque)
             self._pieces.append(piece)
+        if sample_rate is not None:
+            self.control = HeldControl(self.edges, np.column_stack(held))
         self.end_state = state
 
-    def _integrate(self, begin: float, end: float, state: np.ndarray) -> tuple[Callable[..., np.ndarray], np.ndarray]:
+    def _integrate(
+        self, begin: float, end: float, state: np.ndarray, torque: Callable[[float, np.ndarray], np.ndarray]
+    ) -> tuple[Callable[..., np.ndarray], np.ndarray]:
         from scipy.integrate import solve_ivp
 
         forward = BufferedFunction(_forward(self.platform.wheel_count))
         forward.inputs[0][:] = coefficients(self.platform)
         _, state_in, torque_in = forward.inputs
         (result,) = forward.outputs
-        torque = self.control.segment(begin, end)
 
         def rate(t: float, x: np.ndarray) -> np.ndarray:
             torque_in[:] = torque(t, x)
@@ -260,6 +273,10 @@ class Replay:
 
         result = find_root(kink, (samples.t[column], samples.t[column + 1]), args=(row,))
         return np.asarray(result.x[result.success])
+
+
+def _constant(torque: np.ndarray, t: float, state: np.ndarray) -> np.ndarray:
+    return torque
 
 
 @cache

@@ -15,8 +15,10 @@ from occ.laws import ServoLaw
 from occ.model import appell, coefficients
 from occ.model.dynamics import Dynamics
 from occ.optimal.collocation import Collocation
-from occ.optimal.reduced import Ends, guess_from_law, numbers_of, reduced_problem
-from occ.optimal.transcription import Bounds, Nodes, Numbers, Transcription
+from occ.optimal.problem import Nodes, Numbers
+from occ.optimal.solvers import SolverName, SolverOptions
+from occ.optimal.starts import starts_of
+from occ.optimal.transcription import Transcription
 from occ.referee import judge
 from occ.task import Task
 from tests.tasks import paper_task
@@ -28,16 +30,21 @@ LEAST = 29.1715677318
 """[N^2 m^2 s] Least integral of sum M_i^2 in one lap, from the check values of the errata."""
 
 
-def built() -> Transcription:
-    return Transcription(reduced_problem(4, "torque_squared"), PLAYER.intervals, PLAYER.degree, PLAYER.scheme)
+def built(solver: SolverName) -> Transcription:
+    formulation = PLAYER.posed(paper_task())
+    assert formulation is not None
+    options = SolverOptions(solver=solver)
+    return Transcription(formulation.problem(), PLAYER.intervals, PLAYER.degree, PLAYER.scheme, options)
 
 
 def posed(task: Task, transcription: Transcription) -> tuple[Numbers, Nodes]:
-    edges = PLAYER.first_mesh(task)
-    start = Bounds.fixed(np.array([task.start.heading, task.start.heading_rate]))
-    ends = Ends(start=start, end=Bounds.free(2), difference=Bounds.free(2))
-    numbers = numbers_of(task, transcription, edges, ends)
-    return numbers, guess_from_law(task, transcription, edges)
+    formulation, edges = PLAYER.posed(task), PLAYER.first_mesh(task)
+    assert formulation is not None
+    rotation = starts_of(task, 1, None)[0].rotation
+    return formulation.numbers(transcription, edges), formulation.guess(transcription, edges, rotation)
+
+
+both_solvers = pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
 
 
 @pytest.fixture(autouse=True)
@@ -49,23 +56,26 @@ def _the_replayed_error_is_below_1e_6(request: pytest.FixtureRequest) -> Iterato
         assert found == pytest.approx(LEAST, rel=1e-6)
 
 
-def test_build_min_torque_squared(benchmark: BenchmarkFixture) -> None:
-    benchmark.pedantic(built, rounds=7, warmup_rounds=1)
+@both_solvers
+def test_build_min_torque_squared(benchmark: BenchmarkFixture, solver: SolverName) -> None:
+    benchmark.pedantic(built, (solver,), rounds=7, warmup_rounds=1)
 
 
-def test_cold_solve_min_torque_squared(benchmark: BenchmarkFixture) -> None:
+@both_solvers
+def test_cold_solve_min_torque_squared(benchmark: BenchmarkFixture, solver: SolverName) -> None:
     """The first solve of a new program, without its build."""
     task = paper_task()
 
     def setup() -> tuple[tuple[Transcription, Numbers, Nodes], dict[str, object]]:
-        transcription = built()
+        transcription = built(solver)
         return (transcription, *posed(task, transcription)), {}
 
     benchmark.pedantic(lambda program, numbers, guess: program.solve(numbers, guess), setup=setup, rounds=7)
 
 
-def test_resolve_min_torque_squared_with_another_radius(benchmark: BenchmarkFixture) -> None:
-    transcription = built()
+@both_solvers
+def test_resolve_min_torque_squared_with_another_radius(benchmark: BenchmarkFixture, solver: SolverName) -> None:
+    transcription = built(solver)
     problems = [posed(paper_task(radius=radius), transcription) for radius in (0.69, 0.7, 0.71)]
     turn = iter(range(10**9))
 

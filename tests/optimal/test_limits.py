@@ -5,11 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from occ.errors import Status
+from occ.errors import InputError, Status
+from occ.laws import ServoLaw
+from occ.motion import RestToRestLine
 from occ.optimal.collocation import Collocation
 from occ.optimal.limits import LimitedArcs, with_knots
 from occ.referee import examine, judge
-from occ.task import Limits
+from occ.task import Limits, Task
 from tests.tasks import paper_task
 
 
@@ -81,6 +83,85 @@ def test_speed_and_power_limits_bind_and_are_held(limits: Limits, column: str) -
     assert record.measures["torque_squared_N2m2s"] > unlimited["torque_squared_N2m2s"]
 
 
+class TestPlatformSpeed:
+    """The speed of O."""
+
+    def test_binds_and_is_held(self) -> None:
+        player = Collocation(objective="torque_squared")
+        way = RestToRestLine(start=(0.0, 0.0), end=(0.6, 0.8), duration=4.0)
+
+        def largest(of: Task) -> float:
+            verdict = examine(of, player.solve(of))
+            assert verdict.record.status is Status.OK, verdict.record.message
+            assert verdict.replay is not None
+            return float(np.hypot(*verdict.replay.at(np.linspace(0, of.duration, 20_001))[3:5]).max())
+
+        limit = 0.98 * largest(paper_task(4.0, motion=way))
+        found = largest(paper_task(4.0, motion=way, limits=Limits(platform_speed=limit)))
+        assert 0.999 * limit < found <= limit * (1 + 1e-6)
+
+
+class TestTorqueSpeedLine:
+    """|M / M_stall + phi' / omega_0| <= 1."""
+
+    @pytest.mark.parametrize("formulation", ["reduced", "full"])
+    def test_binds_and_is_held(self, formulation: str) -> None:
+        task = paper_task(limits=Limits(stall_torque=2.0, no_load_speed=18.0))
+        verdict = examine(task, Collocation(objective="torque_squared", formulation=formulation).solve(task))
+        assert verdict.record.status is Status.OK, verdict.record.message
+        assert verdict.replay is not None
+        fine = verdict.replay.sample(np.linspace(0, task.duration, 50_001))
+        voltage = np.abs(fine.torque / 2.0 + fine.wheel_rates / 18.0).max()
+        assert voltage == pytest.approx(1.0, abs=1e-6)
+        assert verdict.record.measures["torque_squared_N2m2s"] > 29.1715677318 * (1 + 1e-4)
+
+    def test_half_of_it_is_refused(self) -> None:
+        with pytest.raises(InputError, match="no_load_speed should be given"):
+            Limits(stall_torque=2.0)
+
+    def test_is_found_passed_by_the_referee(self) -> None:
+        task = paper_task(limits=Limits(stall_torque=1.5, no_load_speed=18.0))
+        record = judge(task, ServoLaw().solve(task))
+        assert record.status is Status.INFEASIBLE
+        assert "voltage" in record.message
+
+
+class TestTorqueRate:
+    """|dM/dt|: the torques are states then, and their rates the control."""
+
+    def test_binds_and_is_held(self) -> None:
+        limit = 0.25
+        task = paper_task(limits=Limits(torque_rate=limit))
+        verdict = examine(task, Collocation(objective="torque_squared").solve(task))
+        assert verdict.record.status is Status.OK, verdict.record.message
+        assert verdict.replay is not None
+        t = np.linspace(0, task.duration, 50_001)
+        rates = np.diff(verdict.replay.sample(t).torque, axis=1) / np.diff(t)
+        assert np.abs(rates).max() <= limit * (1 + 1e-5)
+        assert np.abs(rates).max() > 0.99 * limit
+        assert verdict.record.measures["torque_squared_N2m2s"] > 29.1715677318
+
+    @pytest.mark.slow
+    def test_a_slack_one_changes_nothing_in_the_full_formulation(self) -> None:
+        task = paper_task(limits=Limits(torque_rate=2.0))
+        player = Collocation(objective="torque_squared", formulation="full", tolerance=1e-5)
+        record = judge(task, player.solve(task))
+        assert record.status is Status.OK, record.message
+        assert record.measures["torque_squared_N2m2s"] == pytest.approx(29.1715677318, rel=1e-6)
+
+    def test_of_jumping_torques_is_found_by_the_referee(self) -> None:
+        # Constant torques jump at every edge.
+        task = paper_task(4.0)
+        player = Collocation(
+            objective="torque_squared", keep="tube", radius=0.1, control="constant", intervals=16, tolerance=1e-3
+        )
+        solution = player.solve(task)
+        assert judge(task, solution).status is Status.OK
+        record = judge(paper_task(4.0, limits=Limits(torque_rate=5.0)), solution)
+        assert record.status is Status.INFEASIBLE
+        assert "N m/s" in record.message
+
+
 class TestKnots:
     """Edges at switching times."""
 
@@ -100,6 +181,13 @@ class TestKnots:
         # |q| / limit = min(1, 1.5 t) on [0, 1]: on its limit from t = 2/3 on.
         t = np.linspace(0, 1, 1001)[None]
         nodes = np.linspace(0, 1, 30)
-        arcs = LimitedArcs(t, np.minimum(1.0, 1.5 * t)[None], nodes, np.minimum(1.0, 1.5 * nodes)[None])
+        arcs = LimitedArcs(
+            t=t,
+            load=np.minimum(1.0, 1.5 * t)[None],
+            node_times=nodes,
+            node_load=np.minimum(1.0, 1.5 * nodes)[None],
+            hard=1,
+            clipped=np.zeros((0, *t.shape)),
+        )
         assert arcs.switching_times() == pytest.approx([2 / 3], abs=1.1e-3)
         assert arcs.excess.max() == 0.0

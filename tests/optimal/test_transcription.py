@@ -9,15 +9,9 @@ import pytest
 from occ.errors import Status
 from occ.optimal.error import estimate_error, fine_points
 from occ.optimal.mesh import bisect, graded_mesh, scheme
-from occ.optimal.transcription import (
-    Bounds,
-    Nodes,
-    Numbers,
-    Outcome,
-    Problem,
-    SolverOptions,
-    Transcription,
-)
+from occ.optimal.problem import Bounds, Nodes, Numbers, Problem
+from occ.optimal.solvers import SolverOptions
+from occ.optimal.transcription import Outcome, Transcription
 
 
 def symbols(nx: int, nu: int, nd: int = 0, np_: int = 0) -> dict[str, ca.SX]:

@@ -1,0 +1,319 @@
+"""What the two formulations share: conditions in a fixed order, ends, and the way from a task to numbers and back.
+
+Path conditions stand in this order: limits of the task; the tube; B's velocity on its program; slacks of the positive
+parts; the largest torque.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from occ.control import Control
+from occ.model.coefficients import coefficients
+from occ.model.dynamics import friction_time
+from occ.optimal.cost import is_regular, slack_shares
+from occ.optimal.error import fine_points
+from occ.optimal.limits import (
+    LimitedArcs,
+    limit_values,
+    limited_quantities,
+    line_numbers,
+    sample_places,
+)
+from occ.optimal.problem import Bounds, Nodes, Numbers, Problem, flat
+from occ.optimal.shape import Settings, Shape
+from occ.optimal.transcription import Transcription
+from occ.task import Task
+from occ.trajectory import Trajectory
+
+DAMPING = 1e-6
+"""Size of the smallest cost that settles what nothing else determines, in units of the natural one."""
+
+Rotation = Callable[[np.ndarray], np.ndarray]
+"""t (N,) [s] -> (3, N) heading, yaw rate, yaw acceleration: a guess of the motion with B on its program."""
+
+
+@dataclass(frozen=True, eq=False)
+class Formulation(ABC):
+    """One task in one formulation: the program's numbers, a first guess, and a solution as a control.
+
+    Args:
+        task: what to do.
+        settings: how the problem is put.
+    """
+
+    task: Task
+    settings: Settings
+
+    @property
+    @abstractmethod
+    def shape(self) -> Shape:
+        """What the problem is built for."""
+
+    @abstractmethod
+    def problem(self) -> Problem:
+        """The problem of that shape, built once in a process."""
+
+    @abstractmethod
+    def data(self, edges: np.ndarray, s: np.ndarray) -> np.ndarray:
+        """(nd, N, m) Node data at the places s (m,) or (N, m) of each interval of a mesh (N + 1,) [s]."""
+
+    @abstractmethod
+    def parameters(self) -> np.ndarray:
+        """(np,) of the problem."""
+
+    @abstractmethod
+    def end_bounds(self) -> tuple[Bounds, Bounds, Bounds]:
+        """Bounds of the mechanical states at start and end, and of the boundary conditions."""
+
+    @abstractmethod
+    def motion_guess(self, transcription: Transcription, edges: np.ndarray, rotation: Rotation) -> Nodes:
+        """Mechanical states and controls of a rotation on a mesh, with zeros for slacks and the largest torque."""
+
+    @abstractmethod
+    def control(self, transcription: Transcription, edges: np.ndarray, nodes: Nodes) -> Control:
+        """The wheel torques of a solution."""
+
+    @abstractmethod
+    def claimed(self, transcription: Transcription, edges: np.ndarray, nodes: Nodes) -> Trajectory:
+        """The motion that a solution describes."""
+
+    @abstractmethod
+    def start_state(self, nodes: Nodes) -> np.ndarray:
+        """(6,) Where a solution starts."""
+
+    @abstractmethod
+    def yaw_rates(self, nodes: Nodes) -> np.ndarray:
+        """(N + 1,) [rad/s] Yaw rates at the edges of a solution."""
+
+    @abstractmethod
+    def headings(self, nodes: Nodes) -> np.ndarray:
+        """(N + 1,) [rad] Headings at the edges of a solution."""
+
+    @cached_property
+    def hard_limits(self) -> np.ndarray:
+        """Largest absolute values of the first path conditions, the tube's included."""
+        values = limit_values(self.task.limits, self.task.platform.wheel_count)
+        return np.append(values, 1.0) if self.settings.keep == "tube" else values
+
+    def path_bounds(self, taken: np.ndarray | None = None, degree: int = 1) -> Bounds:
+        """Bounds of the path conditions.
+
+        Args:
+            taken: (hard, N) part that is taken off each limit in each interval; None takes nothing off.
+            degree: of the transcription, with ``taken``.
+
+        Returns:
+            (nh,) bounds, or (nh, N, d) ones with ``taken``.
+        """
+        values = self.hard_limits
+        _, velocity, slacks, peaks = self.shape.following()
+        positive = np.full(slacks + peaks, np.inf)
+        lower = np.concatenate([-values, np.zeros(velocity + slacks + peaks)])
+        upper = np.concatenate([values, np.zeros(velocity), positive])
+        if taken is None:
+            return Bounds(lower=lower, upper=upper)
+        factor = np.ones((len(upper), taken.shape[1]))
+        factor[: len(values)] -= taken
+        both = [np.where(np.isfinite(side)[:, None], side[:, None] * factor, side[:, None]) for side in (lower, upper)]
+        both = [np.repeat(side[:, :, None], degree, axis=2) for side in both]
+        return Bounds(lower=both[0], upper=both[1])
+
+    def numbers(self, transcription: Transcription, edges: np.ndarray) -> Numbers:
+        """The numbers of the task for a transcription.
+
+        Args:
+            transcription: of this formulation's problem.
+            edges: (N + 1,) [s].
+
+        Returns:
+            Numbers, with the task's limits at the nodes.
+        """
+        start, end, boundary = self.end_bounds()
+        nx, nu, *_ = transcription.sizes
+        more = Bounds.free(nx - len(start.lower))
+        lower = np.full(nu, -np.inf)
+        if self.shape.slacks:
+            lower[-self.shape.slacks :] = 0.0
+        return Numbers(
+            edges=edges,
+            data=self.data(edges, transcription.scheme.points),
+            parameters=self.parameters(),
+            start=_joined(start, more),
+            end=_joined(end, more),
+            control=Bounds(lower=lower, upper=np.full(nu, np.inf)) if self.shape.slacks else None,
+            path=self.path_bounds(),
+            boundary=boundary,
+        )
+
+    def guess(self, transcription: Transcription, edges: np.ndarray, rotation: Rotation) -> Nodes:
+        """A rotation with B on its program, and the slacks and the largest torque that belong to it.
+
+        Args:
+            transcription: of this formulation's problem.
+            edges: (N + 1,) [s].
+            rotation: with B on its program.
+
+        Returns:
+            States and controls to start from.
+        """
+        nodes = self.motion_guess(transcription, edges, rotation)
+        shape = self.shape
+        if not (shape.slacks or shape.peaks):
+            return nodes
+        data = flat(self.data(edges, transcription.scheme.points))
+        path = transcription.evaluate(flat(nodes.points), flat(nodes.control), data, self.parameters())[2]
+        *_, slacks, peaks = shape.following()
+        rows = len(path) - slacks - peaks
+        if slacks:
+            # With slack zero the row is the negative of the power.
+            nodes.control[-slacks:] = np.maximum(-path[rows : rows + slacks], 0.0).reshape(
+                nodes.control[-slacks:].shape
+            )
+        if peaks:
+            largest = float(path[rows + slacks :].max())
+            nodes.edges[-1], nodes.points[-1] = largest, largest
+        return nodes
+
+    def arcs(self, transcription: Transcription, nodes: Nodes, numbers: Numbers) -> LimitedArcs | None:
+        """Limits, largest torque and clipped powers along the polynomials, between the nodes too.
+
+        Args:
+            transcription: of this formulation's problem.
+            nodes: the solution.
+            numbers: with which it was found.
+
+        Returns:
+            None where there is nothing of the kind.
+        """
+        values = self.hard_limits
+        if not (len(values) or self.shape.slacks or self.shape.peaks):
+            return None
+        s = sample_places()
+        state, control = self.between(transcription, numbers.edges, nodes, s)
+        between = self.loads(transcription, state, control, self.data(numbers.edges, s))
+        at_nodes = self.loads(transcription, nodes.points, nodes.control, numbers.data)
+        t = numbers.edges[:-1, None] + np.diff(numbers.edges)[:, None] * s
+        return LimitedArcs(
+            t=t,
+            load=between[0].reshape(len(between[0]), *t.shape),
+            node_times=transcription.node_times(numbers.edges).ravel(),
+            node_load=at_nodes[0],
+            hard=len(values),
+            clipped=between[1].reshape(len(between[1]), *t.shape),
+        )
+
+    def between(
+        self, transcription: Transcription, edges: np.ndarray, nodes: Nodes, s: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """States (nx, N, m) and controls (nu, N, m) at the places s (m,) in every interval, as `control` makes them."""
+        state, _, control = transcription.interpolate(nodes, s)
+        return state, control
+
+    def loads(
+        self, transcription: Transcription, state: np.ndarray, control: np.ndarray, data: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """|quantity| / limit of every limit, |M| / largest torque, and the clipped powers at nodes of any kind.
+
+        Args:
+            transcription: of this formulation's problem.
+            state: (nx, N, m).
+            control: (nu, N, m).
+            data: (nd, N, m).
+
+        Returns:
+            (k, N m) and (j, N m).
+        """
+        values = self.hard_limits
+        path = transcription.evaluate(flat(state), flat(control), flat(data), self.parameters())[2]
+        *_, slacks, peaks = self.shape.following()
+        rows = len(path) - slacks - peaks
+        load = np.abs(path[: len(values)]) / values[:, None]
+        if peaks:
+            least = path[rows + slacks :].reshape(2, -1, path.shape[1]).min(axis=0)
+            load = np.concatenate([load, 1.0 - least / flat(state)[-1]])
+        clipped = flat(control)[len(control) - slacks :] - path[rows : rows + slacks]
+        return load, clipped
+
+    def overpaid(self, transcription: Transcription, nodes: Nodes, numbers: Numbers) -> np.ndarray:
+        """(N,) Integral of sum share * min(p, p - P) in each interval: what the slacks cost beyond what they stand for.
+
+        It vanishes at the nodes, and between them where the powers keep their sign.
+
+        Args:
+            transcription: of this formulation's problem.
+            nodes: the solution.
+            numbers: with which it was found.
+
+        Returns:
+            In the cost's unit.
+        """
+        widths = np.diff(numbers.edges)
+        if not self.shape.slacks:
+            return np.zeros(len(widths))
+        s, weights = fine_points(transcription.degree)
+        state, _, control = transcription.interpolate(nodes, s)
+        flats = flat(state), flat(control), flat(self.data(numbers.edges, s))
+        path = transcription.evaluate(*flats, self.parameters())[2]
+        unpaired = self._slack_shares @ self.unpaired(flats[1], path)
+        return np.asarray(widths * (unpaired.reshape(len(widths), -1) @ weights))
+
+    def unpaired(self, control: np.ndarray, path: np.ndarray) -> np.ndarray:
+        """(j, M) [W] min(p, p - P) of each slack: zero where one of the pair is zero, as it should be."""
+        *_, slacks, peaks = self.shape.following()
+        rows = len(path) - slacks - peaks
+        return np.minimum(control[len(control) - slacks :], path[rows : rows + slacks])
+
+    def complementarity(self, transcription: Transcription, nodes: Nodes, numbers: Numbers) -> float | None:
+        """[W] Largest min(p, p - P) at the nodes: how well the slacks are what they stand for; None without slacks."""
+        if not self.shape.slacks:
+            return None
+        control = flat(nodes.control)
+        path = transcription.evaluate(flat(nodes.points), control, flat(numbers.data), self.parameters())[2]
+        return float(np.abs(self.unpaired(control, path)).max())
+
+    @cached_property
+    def _slack_shares(self) -> np.ndarray:
+        aim = self.settings.aim
+        return slack_shares(aim.terms, aim.weights, self.task.platform.wheel_count)
+
+    @property
+    def limited(self) -> tuple[str, ...]:
+        """Names of the limited quantities."""
+        return limited_quantities(self.task.limits)
+
+    def damping(self) -> tuple[float, float]:
+        """[1/W, s] Factors of the smallest costs that settle what nothing else determines; zeros elsewhere.
+
+        A cost without curvature in the torque sees the velocities at the collocation points only.  With Radau points
+        they are all there are; with Legendre points those at the edges are not, and the smallest cost of the squared
+        accelerating control settles them.  Null torques that no limit and no cost sees are settled in the same way.
+
+        Returns:
+            c J_a tau [J s^3] for the squared yaw acceleration, and c W / M^2 [W/(N m)^2] for squared torques; c is so
+            small that the cost changes by less than 1e-7 of its value.
+        """
+        if is_regular(self.settings.aim.terms):
+            return 0.0, 0.0
+        k = self.task.dynamics.coefficients
+        direction = np.array([self.task.point[1], -self.task.point[0], 1.0])
+        inertia = float(direction @ np.array(k.inertia) @ direction)
+        rates, friction = np.array(k.wheel_rates), np.array(k.friction)
+        # Power over squared torque of a motion against friction alone, in the stiffest direction.
+        loss = float(np.trace(friction) / max(np.trace(friction @ np.linalg.pinv(rates.T @ rates) @ friction), 1e-12))
+        time = min(friction_time(self.task.platform), self.task.duration)
+        return DAMPING * inertia * time, DAMPING * loss
+
+    def common_parameters(self) -> np.ndarray:
+        """(p,) Matrices of the platform, point B, weights of the cost, torque-speed line."""
+        weights, line = self.settings.aim.weights, line_numbers(self.task.limits)
+        return np.concatenate([coefficients(self.task.platform), self.task.point, weights, line])
+
+
+def _joined(first: Bounds, second: Bounds) -> Bounds:
+    return Bounds(lower=np.concatenate([first.lower, second.lower]), upper=np.concatenate([first.upper, second.upper]))

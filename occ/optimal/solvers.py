@@ -1,0 +1,152 @@
+"""IPOPT and FATROP through CasADi: options checked by name, a solver for a program, and its state in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Annotated, Any, Literal
+
+import casadi as ca
+import numpy as np
+from annotated_types import Ge
+
+from occ.checks import Positive, check_fields
+from occ.errors import Status
+from occ.optimal.layout import Stages
+from occ.optimal.program import Program
+
+SolverName = Literal["ipopt", "fatrop"]
+
+RESTART = 1e-6
+"""Barrier parameter at the start of a solve from a solution nearby."""
+
+
+FATROP_BOUNDED = 1e-7
+"""Tolerance that FATROP reaches reliably with inequalities: at smaller barrier parameters its recursion through the
+stages loses the digits of the reduced Hessian, and it goes on in tiny steps."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverOptions:
+    """Of IPOPT or FATROP.  A word that a solver does not know can end the whole process, so that all are checked here.
+
+    Args:
+        solver: ``ipopt`` for any problem; ``fatrop`` factorises stage by stage.
+        tolerance: of the optimality conditions.
+        iterations: at most.
+        seconds: at most, of wall time; FATROP counts its iterations only.
+        linear_solver: of IPOPT.
+        barrier: parameter of the barrier at the start; None is the solver's own choice.
+
+    Raises:
+        InputError: a value that the solvers do not take.
+    """
+
+    solver: SolverName = "ipopt"
+    tolerance: Positive = 1e-10
+    iterations: Annotated[int, Ge(0)] = 500
+    seconds: Positive = 60.0
+    linear_solver: Literal["mumps"] = "mumps"
+    barrier: Positive | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How a solve ended, in words, and what it took; whether a function was not finite."""
+
+    status: Status
+    message: str
+    not_finite: bool = False
+    statistics: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+
+
+def nonlinear_solver(
+    program: Program, options: SolverOptions, sizes: Stages | None, *, bounded: bool, restart: bool
+) -> ca.Function:
+    """A CasADi solver of a program whose derivatives are given.
+
+    Args:
+        program: functions and derivatives.
+        options: validated.
+        sizes: of the stages, for FATROP.
+        bounded: with inequalities.
+        restart: for starts from a solution nearby: a small barrier parameter, and no push off the bounds.
+
+    Returns:
+        The solver; multipliers are never handed in.
+    """
+    own: dict[str, Any] = {"tol": options.tolerance, "max_iter": options.iterations, "print_level": 0}
+    general: dict[str, Any] = {
+        "print_time": False,
+        "record_time": True,
+        # Multipliers of the parameters would cost as much as the solution, and nobody asks for them.
+        "calc_lam_p": False,
+        "error_on_fail": False,
+        "show_eval_warnings": False,
+        "cache": program.functions,
+    }
+    if options.solver == "ipopt":
+        general["no_nlp_grad"] = True
+        own |= {
+            "sb": "yes",
+            "linear_solver": options.linear_solver,
+            "constr_viol_tol": options.tolerance,
+            "max_wall_time": options.seconds,
+            "fixed_variable_treatment": "make_parameter",
+        }
+    else:
+        assert sizes is not None
+        own["tol"] = max(options.tolerance, FATROP_BOUNDED) if bounded else options.tolerance
+        general |= {
+            "structure_detection": "manual",
+            "N": len(sizes.states) - 1,
+            "nx": sizes.states.tolist(),
+            "nu": sizes.controls.tolist(),
+            "ng": sizes.conditions.tolist(),
+        }
+    if options.barrier is not None:
+        own["mu_init"] = options.barrier
+    if restart:
+        own |= {"mu_init": RESTART, "bound_push": RESTART, "bound_frac": RESTART}
+    return ca.nlpsol("collocation", options.solver, program.nlp, general | {options.solver: own})
+
+
+_WORDS = {
+    "Infeasible_Problem_Detected": (Status.INFEASIBLE, "the solver found the constraints to contradict each other"),
+    "Maximum_Iterations_Exceeded": (Status.FAILED, "the solver used all its {iterations} iterations"),
+    "Maximum_WallTime_Exceeded": (Status.FAILED, "the solver used all its time, {seconds:g} s"),
+    "Invalid_Number_Detected": (Status.FAILED, "a function of the problem is not finite"),
+}
+
+
+def read_verdict(statistics: dict[str, Any], options: SolverOptions) -> Verdict:
+    """The state of a finished solve.
+
+    Args:
+        statistics: of the CasADi solver.
+        options: with which it ran.
+
+    Returns:
+        Status and message, iterations and seconds.
+    """
+    kept: dict[str, Any] = {
+        "solver": options.solver,
+        "iterations": int(statistics["iter_count"]),
+        "seconds": float(statistics.get("t_wall_total", np.nan)),
+        "return_status": str(statistics["return_status"]),
+    }
+    if statistics["success"]:
+        return Verdict(Status.OK, "", statistics=kept)
+    reason = str(statistics["return_status"])
+    if options.solver == "fatrop":
+        # FATROP says no more than that it failed.
+        out = kept["iterations"] >= options.iterations
+        reason = "Maximum_Iterations_Exceeded" if out else "no solution: it found no step that makes progress"
+    kept["exhausted"] = reason.startswith("Maximum_")
+    status, words = _WORDS.get(reason, (Status.FAILED, f"the solver stopped with {reason}"))
+    message = words.format(iterations=options.iterations, seconds=options.seconds)
+    return Verdict(status, message, reason == "Invalid_Number_Detected", kept)

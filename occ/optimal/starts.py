@@ -1,0 +1,137 @@
+"""Where a search starts (the servo law, constant offsets, other windings), and the distinct minima that it finds."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from occ.errors import Status
+from occ.laws.base import yaw_motion
+from occ.laws.servo import ServoLaw
+from occ.optimal.formulation import Formulation, Rotation
+from occ.optimal.search import Attempt
+from occ.task import Task
+
+SAME_COST = 1e-4
+"""Costs on the first mesh that are this close, relative to max(1, size), may belong to the same minimum."""
+SAME_HEADING = 1e-2
+"""[rad] Headings that are this close at all edges, up to full turns, do, too."""
+
+
+@dataclass(frozen=True)
+class NamedStart:
+    """A guess and what it is called."""
+
+    name: str
+    rotation: Rotation
+
+
+def law_rotation(task: Task) -> Rotation:
+    """The servo law's rotation, or the one at constant rate where the law is unstable."""
+    motion, _ = yaw_motion(ServoLaw(), task, tolerance=1e-7)
+    return motion or uniform_rotation(task.start.heading, task.start.heading_rate)
+
+
+def uniform_rotation(heading: float, rate: float) -> Rotation:
+    """psi = psi_0 + rate t."""
+    return lambda t: np.vstack([heading + rate * t, np.full_like(t, rate), np.zeros_like(t)])
+
+
+def turned_further(rotation: Rotation, rate: float) -> Rotation:
+    """A rotation and a uniform one on top of it."""
+    return lambda t: rotation(t) + np.vstack([rate * t, np.full_like(t, rate), np.zeros_like(t)])
+
+
+def starts_of(task: Task, count: int, turn: float | None) -> list[NamedStart]:
+    """The law; constant offsets to the program's direction around the circle; from four on, one turn more and less.
+
+    Args:
+        task: what to do.
+        count: of the starts.
+        turn: [rad] net turn of the heading that the end asks for; None where it is free.
+
+    Returns:
+        As many guesses, the law's first.
+    """
+    law = law_rotation(task)
+    if turn is not None:
+        heading = law(np.array([0.0, task.duration]))[0]
+        law = turned_further(law, (turn - (heading[1] - heading[0])) / task.duration)
+    found = [NamedStart("law", law)]
+    windings = 2 if count >= 4 and turn is None else 0
+    rate = mean_turning_rate(task) if turn is None else turn / task.duration
+    offsets = count - 1 - windings
+    for j in range(offsets):
+        offset = 2 * np.pi * j / offsets
+        name = f"constant rate {rate:.4g} rad/s from {offset:.4g} rad on"
+        found.append(NamedStart(name, uniform_rotation(task.start.heading + offset, rate)))
+    for turns in (1, -1)[:windings]:
+        further = turned_further(law, 2 * np.pi * turns / task.duration)
+        found.append(NamedStart(f"law with {turns:+d} turn", further))
+    return found
+
+
+def mean_turning_rate(task: Task) -> float:
+    """[rad/s] Mean rate at which the velocity of B's program turns; 0 where it stands still."""
+    if task.motion.turning_rate is not None:
+        return task.motion.turning_rate
+    _, velocity, _ = task.motion.at(np.linspace(0.0, task.duration, 400))
+    moving = np.hypot(*velocity) > 1e-3 * np.hypot(*velocity).max(initial=1e-12)
+    direction = np.unwrap(np.arctan2(velocity[1, moving], velocity[0, moving]))
+    return float((direction[-1] - direction[0]) / task.duration) if direction.size else 0.0
+
+
+@dataclass(frozen=True)
+class Minimum:
+    """A local minimum on the first mesh.
+
+    Args:
+        attempt: the best that reached it.
+        names: of the starts that reached it.
+    """
+
+    attempt: Attempt
+    names: tuple[str, ...]
+
+    @property
+    def cost(self) -> float:
+        """Claimed on the first mesh."""
+        return self.attempt.outcome.cost
+
+
+def distinct(formulation: Formulation, starts: Sequence[NamedStart], attempts: Sequence[Attempt]) -> list[Minimum]:
+    """The different minima among attempts from several starts, the least first.
+
+    Args:
+        formulation: for headings.
+        starts: as many as attempts.
+        attempts: on one mesh; those that failed are left out.
+
+    Returns:
+        Minima that differ in cost or heading.
+    """
+    found: list[Minimum] = []
+    order = sorted(
+        (k for k, attempt in enumerate(attempts) if attempt.outcome.status is Status.OK),
+        key=lambda k: attempts[k].outcome.cost,
+    )
+    for k in order:
+        for j, minimum in enumerate(found):
+            if _same(formulation, minimum.attempt, attempts[k]):
+                found[j] = Minimum(minimum.attempt, (*minimum.names, starts[k].name))
+                break
+        else:
+            found.append(Minimum(attempts[k], (starts[k].name,)))
+    return found
+
+
+def _same(formulation: Formulation, one: Attempt, other: Attempt) -> bool:
+    cost = one.outcome.cost
+    if abs(cost - other.outcome.cost) > SAME_COST * max(1.0, abs(cost)):
+        return False
+    # The start state is the same or one of those that differ by full turns.
+    difference = formulation.headings(one.outcome.nodes) - formulation.headings(other.outcome.nodes)
+    difference -= 2 * np.pi * np.round(difference[0] / (2 * np.pi))
+    return bool(np.abs(difference).max() < SAME_HEADING)

@@ -1,0 +1,95 @@
+"""Several starts: how many local minima there are, and the best of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from occ.errors import Status
+from occ.motion import Line
+from occ.optimal.collocation import Collocation
+from occ.optimal.singular import layers
+from occ.optimal.starts import mean_turning_rate, starts_of
+from occ.referee import judge
+from tests.tasks import paper_task
+
+
+class TestSeveralStarts:
+    """The reversed circle, rate +0.4, is known for its traps."""
+
+    def test_find_several_minima_and_keep_the_best(self) -> None:
+        task = paper_task(rate=0.4)
+        player = Collocation(objective="torque_squared", starts=6)
+        solution = player.solve(task)
+        minima = solution.statistics["minima"]
+        costs = [minimum["cost"] for minimum in minima]
+        assert solution.status is Status.OK
+        assert len(minima) >= 2
+        assert costs == sorted(costs)
+        assert costs[1] > 1.2 * costs[0]
+        assert solution.statistics["claimed_cost"] == pytest.approx(costs[0], rel=1e-4)
+        assert f"{len(minima)} distinct local minima from 6 starts" in solution.message
+        assert sum(len(minimum["starts"]) for minimum in minima) <= 6
+
+    def test_find_a_better_one_than_the_law_alone_does(self) -> None:
+        task = paper_task(30.0, rate=0.4)
+        alone, several = (
+            judge(task, Collocation(objective="torque_squared", starts=count).solve(task)) for count in (1, 8)
+        )
+        assert several.measures["torque_squared_N2m2s"] < 0.99 * alone.measures["torque_squared_N2m2s"]
+
+    def test_of_one_minimum_say_so(self) -> None:
+        task = paper_task(4.0)
+        solution = Collocation(objective="torque_squared", starts=3).solve(task)
+        assert "1 distinct local minima from 3 starts" in solution.message
+
+
+class TestStarts:
+    """The guesses."""
+
+    @pytest.mark.parametrize("count", [1, 2, 3, 4, 9])
+    def test_are_as_many_as_asked_for_and_different(self, count: int) -> None:
+        starts = starts_of(paper_task(), count, None)
+        assert len(starts) == len({start.name for start in starts}) == count
+        assert starts[0].name == "law"
+
+    def test_meet_the_turn_that_the_end_asks_for(self) -> None:
+        task = paper_task()
+        for start in starts_of(task, 5, -2 * np.pi):
+            heading = start.rotation(np.array([0.0, task.duration]))[0]
+            assert heading[1] - heading[0] == pytest.approx(-2 * np.pi)
+
+    def test_turn_with_the_program(self) -> None:
+        assert mean_turning_rate(paper_task()) == -0.4
+        assert mean_turning_rate(paper_task(5.0, motion=Line(velocity=(0.2, 0.1)))) == 0.0
+
+
+class TestLayers:
+    """Jumps of the yaw rate in the minimum of the work."""
+
+    def test_are_named_with_the_jump_that_the_kinetic_energy_pays_for(self) -> None:
+        task = paper_task()
+        solution = Collocation(objective="work").solve(task)
+        assert "no curvature in the torques" in solution.message
+        assert "at t = 0 s the yaw rate jumps" in solution.message
+        assert "at t = 15.71 s the yaw rate jumps" in solution.message
+
+    def test_grow_steeper_with_the_mesh_while_the_cost_converges(self) -> None:
+        task = paper_task()
+        coarse, fine = (
+            judge(task, Collocation(objective="work", tolerance=tolerance).solve(task)) for tolerance in (1e-5, 1e-7)
+        )
+        assert fine.measures["peak_torque_Nm"] > 2 * coarse.measures["peak_torque_Nm"]
+        assert fine.measures["work_J"] == pytest.approx(coarse.measures["work_J"], rel=1e-5)
+
+    def test_of_a_known_jump(self) -> None:
+        edges = np.concatenate([[0.0], np.linspace(0.01, 10.0, 20)])
+        rates = np.concatenate([[0.0], np.linspace(0.5, 0.7, 20)])
+        (layer,) = layers(edges, rates)
+        assert (layer.t, layer.width, layer.jump) == pytest.approx((0.0, 0.01, 0.5))
+
+    def test_a_smooth_rotation_has_none(self) -> None:
+        t = np.linspace(0.0, 10.0, 50)
+        assert layers(t, np.sin(t)) == []
+        solution = Collocation(objective="work", end="periodic", start="free", winding=-1).solve(paper_task())
+        assert "without jumps" in solution.message
