@@ -3,6 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+PEERS := $(VENV)-peers
 EXPERIMENTS := $(wildcard experiments/*.toml)
 
 .PHONY: compare test check slow benchmark reports clean help
@@ -21,14 +22,17 @@ check: $(STAMP)  ## formatting, lint and types
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 
-benchmark: $(STAMP)  ## timings
+benchmark: $(STAMP) $(PEERS)/.installed  ## timings, and reports/benchmarks.md beside other packages
 	$(BIN)/pytest tests/benchmarks -m benchmark --benchmark-enable --benchmark-only
+	$(BIN)/python -m tests.benchmarks.side_by_side $(PEERS)/bin/python reports
 
 reports: $(STAMP)  ## every shipped experiment
-	@for file in $(EXPERIMENTS); do echo "== $$file"; $(BIN)/occ run $$file || [ $$? -eq 1 ] || exit 1; done
+	@for file in $(EXPERIMENTS); do echo "== $$file"; \
+	case $$file in experiments/atlas_*) command=atlas ;; *) command=run ;; esac; \
+	$(BIN)/occ $$command $$file || [ $$? -eq 1 ] || exit 1; done
 
 clean:  ## remove the environment and caches
-	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) $(PEERS) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 
 help:
 	@grep -E '^[a-z]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*## /\t/'
@@ -38,3 +42,9 @@ $(STAMP): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $(STAMP)
+
+# Other packages, for the benchmark only: one of them cannot live beside occ's CasADi.
+$(PEERS)/.installed: tests/benchmarks/peers/requirements.txt
+	$(PYTHON) -m venv $(PEERS)
+	$(PEERS)/bin/python -m pip install --quiet --disable-pip-version-check -r tests/benchmarks/peers/requirements.txt
+	@touch $@

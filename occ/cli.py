@@ -5,16 +5,15 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
-from occ.errors import BoundViolation, InputError
+from occ.errors import BoundViolation, ExportError, InputError
+from occ.progress import Progress, progress_of
 
 if TYPE_CHECKING:
     from occ.report.tables import Table
@@ -29,7 +28,7 @@ class Commands(TyperGroup):
             return super().invoke(ctx)
         except InputError as error:
             message, code = str(error), 2
-        except BoundViolation as error:
+        except (BoundViolation, ExportError) as error:
             message, code = str(error), 1
         except KeyboardInterrupt:
             message, code = "interrupted; finished cases are stored and will not be solved again", 130
@@ -39,6 +38,8 @@ class Commands(TyperGroup):
 
 WIDEST = 10_000
 """Characters of a line that no table reaches."""
+FOLDED = {"message", "statement"}
+"""Columns of long text, which a narrow terminal folds."""
 
 app = typer.Typer(
     cls=Commands,
@@ -49,8 +50,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 
-Advance = Callable[[str, int], None]
-"""Told what was done and how many rows that makes."""
 File = Annotated[Path, typer.Argument(metavar="EXPERIMENT.toml", help="The experiment.")]
 Settings = Annotated[
     list[str], typer.Option("--set", metavar="KEY=VALUE", help="Override a key, such as motion.radius=0.6; repeatable.")
@@ -61,6 +60,19 @@ AllowCode = Annotated[
 ]
 
 
+Workers = Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes on this machine.")]
+Dask = Annotated[
+    str | None, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a dask cluster, such as tcp://host:8786.")
+]
+TimeLimit = Annotated[
+    float | None,
+    typer.Option("--time-limit", metavar="SECONDS", help="A case that takes longer is given up and becomes a row."),
+]
+MemoryLimit = Annotated[
+    float | None, typer.Option("--memory-limit", metavar="GB", help="Address space of the process of one case.")
+]
+
+
 class Family(StrEnum):
     """What can be listed."""
 
@@ -68,6 +80,7 @@ class Family(StrEnum):
     MOTIONS = "motions"
     CONTROLLERS = "controllers"
     OBJECTIVES = "objectives"
+    EXPORTS = "exports"
 
 
 def _version(wanted: bool) -> None:
@@ -95,7 +108,10 @@ def run(
     ] = None,
     settings: Settings = [],  # noqa: B006  (typer makes a new one for each call)
     allow_code: AllowCode = False,
-    workers: Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes.")] = 1,
+    workers: Workers = 1,
+    dask: Dask = None,
+    time_limit: TimeLimit = None,
+    memory_limit: MemoryLimit = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the rows as one JSON object and nothing else.")
     ] = False,
@@ -105,12 +121,14 @@ def run(
     Exit codes: 0 all rows are ok; 1 some row is not, the table says which and why; 2 bad input, nothing solved.
     """
     from occ.experiment.load import load_experiment
+    from occ.experiment.pool import Engine
     from occ.experiment.run import run as run_experiment
 
+    engine = Engine(workers=workers, dask=dask, time_limit=time_limit, memory_limit=memory_limit)
     loaded = load_experiment(experiment, settings, allow_code)
     folder = out or Path("reports") / experiment.stem
-    with _progress(sum(len(case.controllers) for case in loaded.cases)) as progress:
-        results = run_experiment(loaded, folder, workers, progress)
+    with progress_of(sum(len(case.controllers) for case in loaded.cases)) as progress:
+        results = run_experiment(loaded, folder, engine, progress)
         _write_outputs(folder, progress)
     if as_json:
         rows = {"title": loaded.title, "question": loaded.question, "folder": str(folder), "rows": results.rows}
@@ -118,6 +136,46 @@ def run(
     else:
         _show(folder)
     if not results.all_ok:
+        raise typer.Exit(1)
+
+
+@app.command()
+def atlas(
+    experiment: File,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="Output folder; reports/<experiment name>/ by default.")
+    ] = None,
+    settings: Settings = [],  # noqa: B006
+    workers: Workers = 1,
+    dask: Dask = None,
+    time_limit: TimeLimit = None,
+    memory_limit: MemoryLimit = None,
+) -> None:
+    """Map an experiment's sweep: labelled arrays (atlas.nc), maps and a report.
+
+    Exit codes: 0 all points have their values; 1 some have not, failures.csv says which and why; 2 bad input.
+    """
+    from occ.atlas.dataset import atlas_dataset, write_atlas, write_failures
+    from occ.atlas.grid import load_grid
+    from occ.atlas.run import make_atlas
+    from occ.experiment.pool import Engine
+    from occ.figures.maps import write_maps
+    from occ.report.atlas import atlas_tables, write_atlas_report
+
+    engine = Engine(workers=workers, dask=dask, time_limit=time_limit, memory_limit=memory_limit)
+    grid = load_grid(experiment, settings)
+    folder = out or Path("reports") / experiment.stem
+    with progress_of(grid.size) as progress:
+        found = make_atlas(experiment, grid, folder, engine, progress)
+        dataset = atlas_dataset(grid, found)
+        write_atlas(dataset, folder)
+        failures = write_failures(grid, found, folder)
+        write_atlas_report(folder, write_maps(folder), failures)
+    for table in atlas_tables(dataset):
+        _print_table(table)
+        typer.echo()
+    typer.echo(f"Arrays, maps and report are in {folder}{os.sep}")
+    if failures:
         raise typer.Exit(1)
 
 
@@ -135,6 +193,26 @@ def check(experiment: File, settings: Settings = [], allow_code: AllowCode = Fal
 
 
 @app.command()
+def circle(
+    experiment: File,
+    settings: Settings = [],  # noqa: B006
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    allow_code: AllowCode = False,
+) -> None:
+    """Tell what the platform will do on a circle: regime, steady rotations, periods, wheels.
+
+    Exit codes: 0 told; 2 bad input, such as another motion than a circle.
+    """
+    from occ.experiment.circle import circle_task
+    from occ.report.circle import circle_json, circle_lines
+    from occ.theory.summary import circle_summary
+
+    task = circle_task(experiment, settings, allow_code)
+    summary = circle_summary(task)
+    typer.echo(circle_json(summary) if as_json else "\n".join(circle_lines(task, summary)))
+
+
+@app.command()
 def schema() -> None:
     """Print the JSON Schema of experiment files."""
     from occ.experiment.json_schema import json_schema
@@ -144,10 +222,12 @@ def schema() -> None:
 
 @app.command(name="list")
 def list_(family: Annotated[Family | None, typer.Argument(help="All of them by default.")] = None) -> None:
-    """List what an experiment can name."""
+    """List what an experiment or an export can name."""
     from occ.experiment.documentation import listing
+    from occ.export.catalogue import listing as exports
 
-    typer.echo("\n\n".join(listing(one.value) for one in ([family] if family else Family)))
+    families = [family] if family else list(Family)
+    typer.echo("\n\n".join(exports() if one is Family.EXPORTS else listing(one.value) for one in families))
 
 
 @app.command()
@@ -160,7 +240,95 @@ def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder wi
     _show(folder)
 
 
-def _write_outputs(folder: Path, progress: Advance | None) -> None:
+@app.command()
+def paper(
+    figures: Annotated[
+        list[str], typer.Option("--figure", metavar="N ...", help="Figures from 3 to 10; all of them by default.")
+    ] = [],  # noqa: B006
+    more: Annotated[list[str], typer.Argument(metavar="N ...", hidden=True)] = [],  # noqa: B006
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Output folder.")] = Path("reports/paper"),
+) -> None:
+    """Write the paper's figures 3 to 10 as SVG, and the data behind each as CSV."""
+    from occ.figures.paper import draw
+    from occ.paper.data import figure_numbers, write_data
+
+    numbers = figure_numbers([*figures, *more])
+    with progress_of(len(numbers)) as progress:
+        for number in numbers:
+            progress(f"Fig. {number}", 0)
+            write_data(out, number)
+            draw(out, number)
+            progress(f"Fig. {number}", 1)
+    typer.echo("\n".join(str(out / f"fig{number:02d}.svg") for number in numbers))
+
+
+@app.command()
+def audit(
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Output folder.")] = Path("reports/audit"),
+) -> None:
+    """Put the paper's printed numbers and formulas beside computed ones: audit.csv and audit.md."""
+    from occ.paper.audit import PARTS, write_audit
+    from occ.paper.audit import audit as run_audit
+    from occ.report.audit import audit_tables, write_audit_report
+
+    with progress_of(PARTS) as progress:
+        rows = run_audit(progress=lambda name: progress(name, 1))
+    write_audit(out, rows)
+    write_audit_report(out, rows)
+    for table in audit_tables(rows):
+        _print_table(table)
+        typer.echo()
+    typer.echo(f"Table and report are in {out}{os.sep}")
+
+
+class ExportCommand(TyperCommand):
+    """Options that take several values: ``--wrt state torque`` means ``--wrt state --wrt torque``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """The arguments as the parser takes them."""
+        from occ.export.request import spread
+
+        return super().parse_args(ctx, spread(args))
+
+
+@app.command(cls=ExportCommand)
+def export(
+    names: Annotated[list[str], typer.Argument(metavar="NAME...", help="What; NAME=OWN names the function. Or all.")],
+    out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Output folder.")],
+    language: Annotated[
+        list[str], typer.Option(metavar="LANG...", help="c, python, matlab, latex, json, casadi; several at once.")
+    ],
+    wrt: Annotated[
+        list[str], typer.Option(metavar="VAR...", help="Derivatives: an argument, parameters, or one of the platform.")
+    ] = [],  # noqa: B006  (typer makes a new one for each call)
+    symbolic: Annotated[
+        list[str], typer.Option(metavar="PARAM...", help="Numbers of the platform that stay arguments; or parameters.")
+    ] = [],  # noqa: B006
+    platform: Annotated[
+        str | None, typer.Option(metavar="FILE", help="TOML file with a table [platform], or a preset.")
+    ] = None,
+    motion: Annotated[
+        str | None, typer.Option(metavar="KIND", help="Program motion; given: its velocity and acceleration.")
+    ] = None,
+    second: Annotated[bool, typer.Option("--second", help="Hessians and Hessian-vector products, too.")] = False,
+    single: Annotated[bool, typer.Option("--single", help="C in single precision.")] = False,
+    no_check: Annotated[bool, typer.Option("--no-check", help="Do not run what was written.")] = False,
+) -> None:
+    """Write expressions of the model and their derivatives for other tools, and run them against CasADi.
+
+    Exit codes: 0 written; 1 a file disagrees with CasADi, nothing written; 2 bad input, nothing written.
+    """
+    from occ.export.export import export as write
+    from occ.export.request import Request
+
+    request = Request(tuple(names), tuple(wrt), tuple(language), platform, tuple(symbolic), motion, second, single)
+    done = write(request, out, check=not no_check)
+    for line in done.lines:
+        typer.echo(line)
+    typer.echo(f"{len(done.files)} files are in {out}{os.sep}")
+
+
+def _write_outputs(folder: Path, progress: Progress | None) -> None:
     """Figures and report from stored results."""
     from occ.figures.comparison import drawn, write_figures
     from occ.report.report import write_report
@@ -193,7 +361,7 @@ def _print_table(table: Table) -> None:
         from occ.report.tables import terminal
 
         console, shown = Console(), terminal(table)
-        if all(column.heading != "message" for column in table.columns):
+        if not FOLDED & {column.heading for column in table.columns}:
             # A narrow terminal folds the lines of numbers; squeezed columns would hide some of them.
             unfolded = console.options.update(max_width=WIDEST)
             console.width = max(console.width, Measurement.get(console, unfolded, shown).maximum)
@@ -209,25 +377,6 @@ def _print_table(table: Table) -> None:
             for cell, width, column in zip(line, widths, table.columns, strict=True)
         ]
         typer.echo("  ".join(cells).rstrip())
-
-
-@contextmanager
-def _progress(rows: int) -> Iterator[Advance | None]:
-    """A progress bar over all rows, only where somebody watches the error stream."""
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    columns = (BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), TextColumn("{task.description}", markup=False))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=rows)
-
-        def advance(what: str, count: int) -> None:
-            bar.update(task, advance=count, description=what)
-
-        yield advance
 
 
 def main() -> None:

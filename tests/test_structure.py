@@ -15,14 +15,17 @@ ROOT = Path(occ.__file__).parent
 LAYERS = (
     ("errors", "checks", "numeric"),
     ("model", "motion", "trajectory"),
-    ("control", "task"),
+    ("control", "plant", "task"),
     ("objectives", "allocation"),
     ("laws", "optimal", "referee", "theory"),
-    ("certify",),
+    ("certify", "open_loop"),
     ("players",),
     ("experiment", "paper"),
+    ("atlas",),
     ("report",),
     ("figures",),
+    ("export",),
+    ("progress",),
     ("cli",),
 )
 LAYER = {room: i for i, rooms in enumerate(LAYERS) for room in rooms}
@@ -30,7 +33,10 @@ LAYER = {room: i for i, rooms in enumerate(LAYERS) for room in rooms}
 NEIGHBOURS = {
     ("optimal", "laws"),
     ("theory", "laws"),
+    ("paper", "experiment"),
     ("task", "control"),
+    ("task", "plant"),
+    ("allocation", "objectives"),
     ("motion", "model"),
     ("model", "motion"),
     ("checks", "errors"),

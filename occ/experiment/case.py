@@ -19,7 +19,15 @@ from occ.task import Player, Task
 
 NUMERICS = ("casadi", "numpy", "scipy")
 """Libraries whose version is part of what a stored case depends on."""
-NOT_IN_RESULTS = ("cli.py", "report", "figures", "export", "experiment/results.py", "experiment/bounds.py")
+NOT_IN_RESULTS = (
+    "cli.py",
+    "progress.py",
+    "report",
+    "figures",
+    "export",
+    "experiment/results.py",
+    "experiment/bounds.py",
+)
 """Parts of the package that no stored case depends on."""
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from occ.objectives import OBJECTIVES
+from occ.objectives import INTEGRALS
 from occ.referee.judge import Verdict
 from occ.task import Task
 
@@ -64,7 +64,7 @@ def motion_dataset(task: Task, verdict: Verdict, attributes: dict[str, Any]) -> 
         "kinetic_energy": ("time", s.kinetic_energy, {"units": "J", "long_name": "kinetic energy"}),
         "dissipation": ("time", s.dissipation, {"units": "W", "long_name": "power lost to friction"}),
     }
-    for i, item in enumerate(OBJECTIVES.values()):
+    for i, item in enumerate(INTEGRALS.values()):
         data[item.name] = ("time", costs[i], {"units": item.unit, "long_name": f"integral of {item.equation}"})
     coordinates = {
         "time": ("time", t, {"units": "s", "long_name": "time"}),

@@ -82,8 +82,8 @@ def listing(family: str) -> str:
     from occ.players import PLAYERS
 
     if family == "objectives":
-        rows = [(item.name, item.unit, f"integral of {item.equation} dt") for item in OBJECTIVES.values()]
-        return "\n".join(["objectives ([compare] objectives = [...])", *_aligned(rows, "  ")])
+        rows = [(item.name, item.unit, item.meaning) for item in OBJECTIVES.values()]
+        return "\n".join(["objectives ([compare] objectives = [...])", *aligned(rows, "  ")])
     head, members = {
         "platforms": ('platforms ([platform] preset = "...")', list(PLATFORMS.items())),
         "motions": ('motions ([motion] kind = "...")', _kinds(MOTIONS)),
@@ -92,7 +92,7 @@ def listing(family: str) -> str:
     lines = [head]
     for name, cls in members:
         lines.append(f"  {name}: {summary(cls)}")
-        lines += _aligned([(key.name, _default(key), key.text) for key in key_texts(cls)], "    ")
+        lines += aligned([(key.name, _default(key), key.text) for key in key_texts(cls)], "    ")
     return "\n".join(lines)
 
 
@@ -108,6 +108,7 @@ def _default(key: KeyText) -> str:
     return json.dumps(key.default) if isinstance(key.default, str | int | float) else "optional"
 
 
-def _aligned(rows: Sequence[tuple[str, ...]], indent: str) -> list[str]:
+def aligned(rows: Sequence[tuple[str, ...]], indent: str) -> list[str]:
+    """Lines of a table whose columns are as wide as their widest cell."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return [indent + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]

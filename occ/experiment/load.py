@@ -8,7 +8,7 @@ import math
 import re
 import tomllib
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from occ.experiment.naming import case_name, compact, nearest, suggestion
 from occ.experiment.own_code import OwnClass, OwnCode
 from occ.experiment.schema import MOST_CASES, ExperimentFile, RangeTable, Sweep
 
-SWEEPABLE = ("platform", "point", "motion", "start", "horizon", "limits", "controller")
+SWEEPABLE = ("platform", "point", "motion", "start", "horizon", "limits", "plant", "controller")
 
 
 @dataclass(frozen=True)
@@ -68,6 +68,48 @@ def load_experiment(path: Path, overrides: Sequence[str] = (), allow_code: bool 
     Raises:
         ExperimentError: with one line for each mistake.
     """
+    return _loaded(path, overrides, allow_code, itertools.product, MOST_CASES)[0]
+
+
+def load_axes(
+    path: Path, overrides: Sequence[str] = (), allow_code: bool = False, most: int = MOST_CASES
+) -> tuple[Experiment, dict[str, list[Any]]]:
+    """The same for a grid of too many cases to be made one by one: each swept value appears in one case at least.
+
+    Args:
+        path: of the TOML file.
+        overrides: ``KEY=VALUE`` as after `--set`.
+        allow_code: as above.
+        most: points that the grid may have.
+
+    Returns:
+        The experiment with the cases of one value of each key and the first values of all others, and the values of
+        each swept key.
+
+    Raises:
+        ExperimentError: with one line for each mistake.
+    """
+    return _loaded(path, overrides, allow_code, _axes, most)
+
+
+def _axes(*values: list[Any]) -> Iterator[tuple[Any, ...]]:
+    """Every value once, beside the first values of the other keys; and the last ones of all."""
+    first, last = tuple(axis[0] for axis in values), tuple(axis[-1] for axis in values)
+    yield first
+    for i, axis in enumerate(values):
+        for value in axis[1:]:
+            yield (*first[:i], value, *first[i + 1 :])
+    if len(values) > 1:
+        yield last
+
+
+Combinations = Callable[..., Iterable[tuple[Any, ...]]]
+"""From the values of each swept key to those of each case."""
+
+
+def _loaded(
+    path: Path, overrides: Sequence[str], allow_code: bool, combinations: Combinations, most: int
+) -> tuple[Experiment, dict[str, list[Any]]]:
     data = read_toml(path)
     written = set(data)
     lines: list[str] = []
@@ -82,10 +124,10 @@ def load_experiment(path: Path, overrides: Sequence[str] = (), allow_code: bool 
     tables = copy.deepcopy(data)
     sweep, mistakes = _sweep_values(data)
     count = math.prod(len(values) for values in sweep.values())
-    if count > MOST_CASES:
-        mistakes.append(Mistake(("sweep",), f"too many cases ({count}); should be at most {MOST_CASES}"))
+    if count > most:
+        mistakes.append(Mistake(("sweep",), f"too many cases ({count}); should be at most {most}"))
         sweep = {}
-    cases, found = _expand(data, sweep, OwnCode(path.parent, allow_code))
+    cases, found = _expand(data, sweep, OwnCode(path.parent, allow_code), combinations)
     bad = {place[1] for place in (mistake.place for mistake in mistakes) if len(place) > 1}
     # A table that only a faulty entry of the sweep would have supplied is not missing.
     mistakes += [mistake for mistake in found if not any(_overlap(_key(mistake.place), str(key)) for key in bad)]
@@ -93,7 +135,7 @@ def load_experiment(path: Path, overrides: Sequence[str] = (), allow_code: bool 
     if lines:
         raise ExperimentError(list(dict.fromkeys(lines)))
     first = cases[0][0]
-    return Experiment(
+    experiment = Experiment(
         title=first.title,
         question=first.question,
         objectives=tuple(first.compare.objectives),
@@ -101,6 +143,7 @@ def load_experiment(path: Path, overrides: Sequence[str] = (), allow_code: bool 
         cases=tuple(case for _, case in cases),
         tables=tables,
     )
+    return experiment, sweep
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -275,12 +318,12 @@ def _spaced(table: RangeTable, entry: dict[str, Any]) -> Iterator[float]:
 
 
 def _expand(
-    data: dict[str, Any], sweep: dict[str, list[Any]], code: OwnCode
+    data: dict[str, Any], sweep: dict[str, list[Any]], code: OwnCode, combinations: Combinations
 ) -> tuple[list[tuple[ExperimentFile, Case]], list[Mistake]]:
     """Every case of the sweep, validated like a file without a sweep."""
     cases: list[tuple[ExperimentFile, Case]] = []
     found: dict[Mistake, list[dict[str, Any]]] = {}
-    for values in itertools.product(*sweep.values()):
+    for values in combinations(*sweep.values()):
         swept = dict(zip(sweep, values, strict=True))
         own = copy.deepcopy(data)
         unassigned = []

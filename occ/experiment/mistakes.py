@@ -21,6 +21,7 @@ from occ.experiment.schema import (
     HorizonTable,
     LimitsTable,
     MotionTable,
+    PlantTable,
     PlatformTable,
     PointTable,
     StartTable,
@@ -29,6 +30,7 @@ from occ.experiment.schema import (
 from occ.experiment.tables import DataTable, Table, models_in
 from occ.laws.base import PathKeepingLaw
 from occ.model.presets import youbot
+from occ.plant import Plant
 from occ.task import Limits, Start, Task
 
 Place = tuple[str | int, ...]
@@ -306,8 +308,42 @@ def _contradictions(
             duration = horizon.seconds(motion)
         except InputError as error:
             yield Mistake(("horizon", "laps"), str(error))
+    plant = None
+    if parts["platform"] and "plant" in data:
+        plant, wrong = _plant(data)
+        yield from wrong
     if motion:
-        yield from _unplayable(data, file, model, parts, duration)
+        try:
+            yield from _unplayable(data, file, model, parts | {"plant": plant}, duration)
+        except InputError as error:
+            yield Mistake(("plant",), re.sub(r"^\w+: ", "", str(error)))
+
+
+class _PlantPlatform(Table):
+    """The platform's table with the plant's numbers in it."""
+
+    platform: PlatformTable
+
+
+def _plant(data: dict[str, Any]) -> tuple[Plant | None, list[Mistake]]:
+    """The plant of a valid platform, and what is wrong with its numbers."""
+    table = data["plant"]
+    try:
+        plant = PlantTable.model_validate(table)
+    except ValidationError:
+        return None, []
+    if "preset" in plant.platform:
+        text = (
+            f"not a number of the platform ({shown(plant.platform['preset'])}); the plant has the preset of [platform]"
+        )
+        return None, [Mistake(("plant", "platform", "preset"), text)]
+    whole = {"platform": data["platform"] | plant.platform}
+    try:
+        real = _PlantPlatform.model_validate(whole).platform.build()
+    except ValidationError as error:
+        wrong = describe(error, whole, _PlantPlatform)
+        return None, [Mistake(("plant", *mistake.place), mistake.text) for mistake in wrong]
+    return Plant(platform=real, start_offset=plant.start_offset, sample_rate=plant.sample_rate), []
 
 
 def _unplayable(
@@ -327,6 +363,7 @@ def _unplayable(
         duration=duration or 1.0,
         start=parts["start"] or Start(),
         limits=parts["limits"] or Limits(),
+        plant=parts["plant"],
     )
     controllers = data.get("controller")
     controller = _controller_adapter(model)

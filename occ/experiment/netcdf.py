@@ -5,25 +5,28 @@ A trajectory has some thirty small variables, and the general writers spend eigh
 
 from __future__ import annotations
 
-from pathlib import Path
+import io
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     import xarray as xr
 
 
-def write_netcdf(dataset: xr.Dataset, path: Path) -> None:
-    """Write a dataset whose dimensions all have a coordinate of their own name.
+def netcdf_bytes(dataset: xr.Dataset) -> bytes:
+    """A file with a dataset whose dimensions all have a coordinate of their own name.
 
     Args:
         dataset: numbers and texts, with attributes that are texts, numbers or lists of numbers.
-        path: of the file.
+
+    Returns:
+        The file's content.
 
     Source: netCDF user's guide, appendix B: dimensions are HDF5 dimension scales, variables attach them.
     """
     import h5py  # type: ignore[import-untyped]
 
-    with h5py.File(path, "w", track_order=True) as file:
+    content = io.BytesIO()
+    with h5py.File(content, "w", track_order=True) as file:
         file.attrs.update(dataset.attrs)
         for name, variable in dataset.variables.items():
             values = variable.values
@@ -35,3 +38,4 @@ def write_netcdf(dataset: xr.Dataset, path: Path) -> None:
         for name in dataset.data_vars:
             for axis, dimension in enumerate(dataset[name].dims):
                 file[str(name)].dims[axis].attach_scale(file[str(dimension)])
+    return content.getvalue()

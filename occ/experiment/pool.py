@@ -1,94 +1,162 @@
-"""One function over many items, here or in worker processes; a worker that dies costs its own item only."""
+"""One function over many items: in this process, in local processes, or on a cluster of dask's; one way of working.
+
+An engine submits calls to an executor and yields outcomes as they come.  Processes and clusters make each call in a
+process of its own (`occ.experiment.child`), here or on the cluster's machines, so that a call that crashes, hangs or
+fills the memory is lost alone.  All engines compute with one thread of linear algebra: the order of its sums, and with
+it the last bit, is the same everywhere.
+"""
 
 from __future__ import annotations
 
-import multiprocessing
-import os
-import signal
-from collections import deque
-from collections.abc import Callable, Generator, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, Protocol, TypeVar
+
+from occ.checks import Positive, check_fields
+from occ.errors import InputError, OccError
+from occ.experiment.child import CallLimits, Crew, Lost, raised
 
 Item = TypeVar("Item")
 Outcome = TypeVar("Outcome")
+GIGABYTE = 10**9
 
-THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+
+@dataclass(frozen=True, kw_only=True)
+class Engine:
+    """Where work is done.
+
+    Args:
+        workers: local processes; 1 without limits is this process.
+        dask: address of a scheduler, such as ``tcp://host:8786``; None is no cluster.
+        time_limit: [s] of one item; an item that takes longer is lost.
+        memory_limit: [GB] of address space for one process; an item that wants more is lost.
+
+    Raises:
+        InputError: workers and a cluster, or numbers that are not positive.
+    """
+
+    workers: int = 1
+    dask: str | None = None
+    time_limit: Positive | None = None
+    memory_limit: Positive | None = None
+
+    def __post_init__(self) -> None:
+        check_fields(self)
+        if self.workers < 1:
+            raise InputError(f"workers should be at least 1, not {self.workers}")
+        if self.dask is not None and self.workers != 1:
+            raise InputError("workers are local processes and dask is a cluster; should be one of the two")
+
+    @property
+    def here(self) -> bool:
+        """Whether the work is done in this process, where nothing can be ended from outside."""
+        return self.dask is None and self.workers == 1 and self.limits == CallLimits()
+
+    @property
+    def limits(self) -> CallLimits:
+        """Of one call."""
+        memory = None if self.memory_limit is None else int(self.memory_limit * GIGABYTE)
+        return CallLimits(time=self.time_limit, memory=memory)
+
+    def each(
+        self, function: Callable[[Item], Outcome], items: Iterable[Item]
+    ) -> Generator[tuple[int, Outcome | Lost], None, None]:
+        """function(item) of each item.
+
+        Args:
+            function: that a new process can import.
+            items: plain data; taken one by one as there is room, so that millions may come from a generator.
+
+        Yields:
+            Number of the item and its outcome, in the order in which they finish.
+
+        Raises:
+            InputError: no such cluster, or one that runs another version of the code.
+            OccError: that the function has raised; an item that raises anything else is lost.
+        """
+        if self.here:
+            return _here(function, items)
+        return _submitted(self._calls(), function, items)
+
+    @contextmanager
+    def _calls(self) -> Iterator[_Calls]:
+        if self.dask is not None:
+            from occ.experiment.cluster import cluster_calls
+
+            with cluster_calls(self.dask, self.limits) as calls:
+                yield calls
+            return
+        crew = Crew(self.limits)
+        with ThreadPoolExecutor(self.workers) as executor:
+            try:
+                yield _LocalCalls(crew, executor, self.workers)
+            finally:
+                executor.shutdown(wait=False, cancel_futures=True)
+                crew.stop()
+
+
+class _Calls(Protocol):
+    """An executor of `concurrent.futures` whose calls are made in processes of their own."""
+
+    def submit(self, function: Callable[[Any], Any], item: Any) -> Future[Any]: ...
+
+    def capacity(self) -> int: ...
+
+    def outcome(self, future: Future[Any]) -> Any: ...
 
 
 @dataclass(frozen=True)
-class Died:
-    """The worker process ended in the middle of an item, twice: once with others, once alone."""
+class _LocalCalls:
+    crew: Crew
+    executor: ThreadPoolExecutor
+    workers: int
+
+    def submit(self, function: Callable[[Any], Any], item: Any) -> Future[Any]:
+        return self.executor.submit(self.crew.call, function, item)
+
+    def capacity(self) -> int:
+        return self.workers
+
+    def outcome(self, future: Future[Any]) -> Any:
+        return future.result()
 
 
-def in_processes(
-    function: Callable[[Item], Outcome], items: Sequence[Item], workers: int
-) -> Generator[tuple[int, Outcome | Died], None, None]:
-    """function(item) of each item in freshly started processes, each with one thread of linear algebra.
+def _here(
+    function: Callable[[Item], Outcome], items: Iterable[Item]
+) -> Generator[tuple[int, Outcome | Lost], None, None]:
+    # Each of them brings a library of linear algebra of its own, which must be there to be limited.
+    import casadi  # noqa: F401
+    import scipy.linalg  # noqa: F401
+    from threadpoolctl import ThreadpoolController
 
-    Args:
-        function: that a new process can import.
-        items: plain data.
-        workers: number of processes.
-
-    Yields:
-        Number of the item and its outcome, in the order in which they finish.
-    """
-    waiting = deque(enumerate(items))
-    suspects: list[tuple[int, Item]] = []
-    while waiting:
-        with _pool(min(workers, len(waiting))) as pool:
-            running: dict[Future[Outcome], tuple[int, Item]] = {}
-            broken = False
-            while running or (waiting and not broken):
-                # No more than the workers can hold, so that few items are under suspicion when one of them dies.
-                while waiting and len(running) < workers and not broken:
-                    try:
-                        running[pool.submit(function, waiting[0][1])] = waiting[0]
-                        waiting.popleft()
-                    except BrokenProcessPool:
-                        broken = True
-                for future in wait(running, return_when=FIRST_COMPLETED).done:
-                    number, item = running.pop(future)
-                    if isinstance(future.exception(), BrokenProcessPool):
-                        broken = True
-                        suspects.append((number, item))
-                    else:
-                        yield number, future.result()
-    for number, item in suspects:
-        with _pool(1) as pool:
+    libraries = ThreadpoolController()
+    for number, item in enumerate(items):
+        with libraries.limit(limits=1):
             try:
-                outcome: Outcome | Died = pool.submit(function, item).result()
-            except BrokenProcessPool:
-                outcome = Died()
+                outcome: Outcome | Lost = function(item)
+            except OccError:
+                raise
+            except Exception as error:  # whatever an item does, the others go on
+                outcome = raised(error)
         yield number, outcome
 
 
-@contextmanager
-def _pool(workers: int) -> Iterator[ProcessPoolExecutor]:
-    """A pool whose processes are ended, not waited for, when the block is left by an exception."""
-    before = set(multiprocessing.active_children())
-    kept = {name: os.environ.get(name) for name in THREADS}
-    # New processes read this when they load their libraries.
-    os.environ.update(dict.fromkeys(THREADS, "1"))
-    pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"), initializer=_leave_interrupts_to_parent)
-    try:
-        yield pool
-    except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        for child in set(multiprocessing.active_children()) - before:
-            child.kill()
-        raise
-    finally:
-        pool.shutdown()
-        for name, value in kept.items():
-            os.environ.pop(name, None)
-            if value is not None:
-                os.environ[name] = value
-
-
-def _leave_interrupts_to_parent() -> None:
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _submitted(
+    opened: Any, function: Callable[[Item], Outcome], items: Iterable[Item]
+) -> Generator[tuple[int, Outcome | Lost], None, None]:
+    waiting = enumerate(items)
+    running: dict[Future[Any], int] = {}
+    with opened as calls:
+        while True:
+            while len(running) < calls.capacity():
+                following = next(waiting, None)
+                if following is None:
+                    break
+                running[calls.submit(function, following[1])] = following[0]
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                number = running.pop(future)
+                yield number, calls.outcome(future)

@@ -14,10 +14,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from occ.errors import InputError, Status
-from occ.experiment.bounds import bound_columns, local_bounds
+from occ.experiment.bounds import BOUND_COLUMNS, bound_columns, local_bounds
 from occ.experiment.case import Case
 from occ.experiment.load import Experiment
 from occ.experiment.naming import slug
+from occ.experiment.proven import proven_bounds
 from occ.experiment.store import write_text
 from occ.referee import LABELS, MEASURES
 
@@ -121,14 +122,15 @@ def assemble(experiment: Experiment, outcomes: Sequence[Sequence[Row]], started:
         BoundViolation: a feasible row below a certified bound of its class.
     """
     rows: list[Row] = []
+    certify = bool(experiment.tables.get("compare", {}).get("certified", False))
     for case, outcome in zip(experiment.cases, outcomes, strict=True):
         own = [{"case": case.name} | case.swept | dict(row) for row in outcome]
         for name in experiment.objectives:
-            bounds = local_bounds(own, name)
+            bounds = [*proven_bounds(case, own, name, certify=certify), *local_bounds(own, name)]
             for row in own:
                 row |= bound_columns(row, name, bounds)
         rows += own
-    bound_names = [f"{x}_{part}" for x in experiment.objectives for part in ("bound", "bound_kind", "gap_percent")]
+    bound_names = [f"{x}_{part}" for x in experiment.objectives for part in BOUND_COLUMNS]
     columns = (*LABELS, *experiment.swept, *MEASURES, *bound_names)
     record = {
         "experiment": experiment.tables,

@@ -5,50 +5,66 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Sequence
 from contextlib import closing, redirect_stdout
 from datetime import UTC, datetime
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from occ.errors import Status
 from occ.experiment.case import Case
+from occ.experiment.child import Lost
 from occ.experiment.dataset import motion_dataset
 from occ.experiment.load import Experiment
 from occ.experiment.naming import slug
-from occ.experiment.netcdf import write_netcdf
-from occ.experiment.pool import Died, in_processes
+from occ.experiment.netcdf import netcdf_bytes
+from occ.experiment.pool import Engine
 from occ.experiment.results import Results, Row, assemble, plain
-from occ.experiment.store import Store, file_stamp, replacing
+from occ.experiment.store import Store, stamp, write_bytes
 from occ.referee import Record, examine
 from occ.task import Player, Task
 
-Progress = Callable[[str, int], None]
-"""Called with what was done (case and controller) and how many rows that makes."""
+if TYPE_CHECKING:
+    import xarray as xr
+
+HERE = Engine()
 
 
-def run(experiment: Experiment, out: Path, workers: int = 1, progress: Progress | None = None) -> Results:
+class Progress(Protocol):
+    """Told what was done, how many rows that makes, how many of them are not ok, and whether they were stored."""
+
+    def __call__(self, what: str, rows: int, failed: int = 0, stored: bool = False) -> None: ...
+
+
+class Solved(NamedTuple):
+    """The rows of a case, and its trajectories as files by their path in the experiment's folder."""
+
+    rows: list[Row]
+    motions: dict[str, bytes]
+
+
+def run(experiment: Experiment, out: Path, engine: Engine = HERE, progress: Progress | None = None) -> Results:
     """Solve what is not stored yet, and write table, record and trajectories.
 
     Args:
         experiment: validated.
         out: folder; made if need be.
-        workers: processes; 1 is this one.
+        engine: where the cases are solved; only this process writes.
         progress: told about each row.
 
     Returns:
-        The results, the same whatever the workers and the order in which cases finish.
+        The results, the same whatever the engine and the order in which cases finish.
 
     Raises:
-        InputError: the folder cannot be written.
+        InputError: the folder cannot be written, or there is no such cluster.
         BoundViolation: a feasible row below a certified bound of its class.
     """
     store = Store(out)
     store.prepare()
     started = datetime.now(UTC).isoformat(timespec="seconds")
-    tell = progress or _silent
+    tell = progress or silent
     outcomes: dict[int, Sequence[Row]] = {}
     for number, case in enumerate(experiment.cases):
         stored = store.read(case.key)
@@ -56,66 +72,82 @@ def run(experiment: Experiment, out: Path, workers: int = 1, progress: Progress 
             row["trajectory"] is None or row["trajectory"] == _stamped(row, case) for row in stored
         ):
             outcomes[number] = stored
-            tell(f"{case.name}: stored", len(stored))
+            tell(case.name, len(stored), not_ok(stored), True)
     missing = [number for number in range(len(experiment.cases)) if number not in outcomes]
     cases = [experiment.cases[number] for number in missing]
-    with closing(_solved(cases, out, workers, tell)) as solved:
-        for position, rows in solved:
-            outcomes[missing[position]] = rows
+    # Only in this process can a case tell about each of its rows.
+    solve = partial(solve_case, progress=tell) if engine.here else solve_case
+    with closing(engine.each(solve, cases)) as finished:
+        for position, outcome in finished:
+            case = cases[position]
+            solved = Solved(lost_rows(case, outcome.reason), {}) if isinstance(outcome, Lost) else outcome
+            _keep(store, case, solved)
+            outcomes[missing[position]] = solved.rows
+            if not engine.here or isinstance(outcome, Lost):
+                tell(case.name, len(solved.rows), not_ok(solved.rows))
     results = assemble(experiment, [outcomes[number] for number in range(len(experiment.cases))], started)
     results.save(out)
     return results
 
 
-def solve_case(case: Case, out: Path, progress: Progress | None = None) -> list[Row]:
-    """Solve, judge and store one case.
+def _keep(store: Store, case: Case, solved: Solved) -> None:
+    """Write a case's trajectories, remove those that there are none of any more, and store its rows."""
+    for row in solved.rows:
+        path = _trajectory(case, row["controller"])
+        if path in solved.motions:
+            write_bytes(store.folder / path, solved.motions[path])
+        else:
+            (store.folder / path).unlink(missing_ok=True)
+    # A case in which something crashed is tried again by the next run.
+    if all(row["status"] != Status.CRASHED for row in solved.rows):
+        store.write(case.key, solved.rows)
+
+
+def solve_case(case: Case, progress: Progress | None = None) -> Solved:
+    """Solve and judge one case.
 
     Args:
         case: plain data.
-        out: folder of the experiment.
         progress: told about each row.
 
     Returns:
-        One row for each controller: labels and measures, and beside them ``local_objective``, ``statistics``,
-        ``solve_time_s``, ``judge_time_s`` and ``trajectory``.
-
-    Raises:
-        InputError: the folder cannot be written.
+        One row for each controller, labels and measures, and beside them ``local_objective``, ``statistics``,
+        ``solve_time_s``, ``judge_time_s`` and ``trajectory``; and the trajectories.
     """
     task = case.task()
-    rows = []
+    solved = Solved([], {})
     for name, player in case.players().items():
-        rows.append(_row(case, task, name, player, out))
+        row, motion = solve_row(case, task, name, player)
+        if motion is not None:
+            path, content = _trajectory(case, name), netcdf_bytes(motion)
+            row["trajectory"] = {"path": path, **stamp(content)}
+            solved.motions[path] = content
+        solved.rows.append(row)
         if progress:
-            progress(f"{case.name}: {name}", 1)
-    # A case in which something crashed is tried again by the next run.
-    if all(row["status"] != Status.CRASHED for row in rows):
-        Store(out).write(case.key, rows)
-    return rows
+            progress(f"{case.name}: {name}", 1, not_ok([row]))
+    return solved
 
 
-def _solved(
-    cases: Sequence[Case], out: Path, workers: int, tell: Progress
-) -> Generator[tuple[int, Sequence[Row]], None, None]:
-    """Position and rows of each case as it is finished."""
-    if workers == 1 or len(cases) < 2:
-        for position, case in enumerate(cases):
-            yield position, solve_case(case, out, tell)
-        return
-    with closing(in_processes(partial(solve_case, out=out), cases, workers)) as finished:
-        for position, outcome in finished:
-            case = cases[position]
-            rows = _rows_of_dead_worker(case) if isinstance(outcome, Died) else outcome
-            tell(case.name, len(rows))
-            yield position, rows
+def not_ok(rows: Sequence[Row]) -> int:
+    """How many rows are not ok."""
+    return sum(row["status"] != Status.OK for row in rows)
 
 
-def _row(case: Case, task: Task, name: str, player: Player, out: Path) -> Row:
-    """One controller's row; its trajectory is written, or removed where there is none any more."""
-    path = out / _trajectory(case, name)
+def solve_row(case: Case, task: Task, name: str, player: Player) -> tuple[Row, xr.Dataset | None]:
+    """One controller's row, whatever it does, and the true motion behind it.
+
+    Args:
+        case: plain data.
+        task: of the case.
+        name: of the controller.
+        player: the controller.
+
+    Returns:
+        The row, whose ``trajectory`` is None, and the motion; None where there was none.
+    """
     begin = time.perf_counter()
     solved = None
-    dataset = None
+    motion = None
     statistics: dict[str, Any] = {}
     try:
         # What a player prints is not part of the answer, which may be read by a program.
@@ -127,41 +159,34 @@ def _row(case: Case, task: Task, name: str, player: Player, out: Path) -> Row:
         statistics = getattr(solution, "statistics", {})
         record = verdict.record
         if verdict.replay is not None:
-            dataset = motion_dataset(task, verdict, _attributes(case, name))
+            motion = motion_dataset(task, verdict, _attributes(case, name))
     except (Exception, SystemExit) as error:  # whatever a player does, its row stays in the table
         record = _crashed(f"{type(error).__name__}: {error}")
         solved = solved or time.perf_counter()
-    judged = time.perf_counter()
-    if dataset is None:
-        path.unlink(missing_ok=True)
-    else:
-        with replacing(path) as temporary:
-            write_netcdf(dataset, temporary)
-    return {
-        "controller": name,
-        **plain(record.row),
-        "local_objective": record.local_objective,
+    row = _labelled(name, record) | {
         "statistics": plain(statistics),
         "solve_time_s": solved - begin,
-        "judge_time_s": judged - solved,
-        "trajectory": {"path": _trajectory(case, name), **file_stamp(path)} if dataset is not None else None,
+        "judge_time_s": time.perf_counter() - solved,
     }
+    return row, motion
 
 
-def _rows_of_dead_worker(case: Case) -> list[Row]:
-    reason = "the process that solved this case ended without an answer, twice"
-    return [
-        {
-            "controller": name,
-            **_crashed(reason).row,
-            "local_objective": None,
-            "statistics": {},
-            "solve_time_s": None,
-            "judge_time_s": None,
-            "trajectory": None,
-        }
-        for name in case.controllers
-    ]
+def lost_rows(case: Case, reason: str) -> list[Row]:
+    """The rows of a case whose process gave no answer.
+
+    Args:
+        case: plain data.
+        reason: in words.
+
+    Returns:
+        One row for each controller, ``crashed``.
+    """
+    return [_labelled(name, _crashed(reason)) for name in case.controllers]
+
+
+def _labelled(name: str, record: Record) -> Row:
+    row = {"controller": name, **plain(record.row), "local_objective": record.local_objective}
+    return row | {"statistics": {}, "solve_time_s": None, "judge_time_s": None, "trajectory": None}
 
 
 def _crashed(reason: str) -> Record:
@@ -186,5 +211,12 @@ def _stamped(row: Row, case: Case) -> dict[str, Any]:
     return row["trajectory"] | {"path": _trajectory(case, row["controller"])}
 
 
-def _silent(what: str, rows: int) -> None:
-    """Progress that nobody wants to see."""
+def silent(what: str, rows: int, failed: int = 0, stored: bool = False) -> None:
+    """Progress that nobody wants to see.
+
+    Args:
+        what: was done.
+        rows: how many that makes.
+        failed: how many of them are not ok.
+        stored: whether they were found and not made.
+    """

@@ -12,7 +12,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias, cast
 
 from annotated_types import Ge, Le, MinLen
-from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag, create_model
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Strict, Tag, create_model
 
 from occ.checks import Positive
 from occ.errors import InputError
@@ -21,6 +21,7 @@ from occ.model.platform import Platform
 from occ.model.presets import PLATFORMS
 from occ.motion import MOTIONS, ProgramMotion
 from occ.objectives import OBJECTIVES
+from occ.plant import Plant
 from occ.players import PLAYERS
 from occ.task import LONGEST_HORIZON, Limits, Player, Start, Task
 
@@ -155,6 +156,37 @@ else:
     ObjectiveName = Literal[tuple(OBJECTIVES)]
 
 
+def _without_default(schema: dict[str, Any]) -> None:
+    """TOML has no null, so that a key that may be left out has no default to show."""
+    del schema["default"]
+
+
+class PlantTable(Table):
+    """How the real platform differs from the model that the controllers know; errors are measures then."""
+
+    platform: dict[str, Any] = Field(
+        default_factory=dict, description="keys of [platform] that are different, and their real values"
+    )
+    start_offset: Annotated[tuple[float, float, float], Strict(False)] = Field(
+        default=(0.0, 0.0, 0.0), description="x [m], y [m] and heading [rad] of the start beside the planned one"
+    )
+    sample_rate: Positive | None = Field(
+        default=None,
+        description="[Hz] at which the controllers see the state; torques are held in between",
+        json_schema_extra=_without_default,
+    )
+
+    def build(self, model: PlatformPreset) -> Plant:
+        """The plant of a platform.
+
+        Raises:
+            ValidationError: values that are none of the platform's.
+            InputError: numbers that do not fit each other.
+        """
+        real = type(model).model_validate(model.model_dump(exclude_none=True) | self.platform)
+        return Plant(platform=real.build(), start_offset=self.start_offset, sample_rate=self.sample_rate)
+
+
 class CompareTable(Table):
     """What is compared."""
 
@@ -163,6 +195,22 @@ class CompareTable(Table):
         description="each gets a bound and a gap in every row",
         json_schema_extra={"uniqueItems": True},
     )
+    certified: bool = Field(
+        default=False,
+        description="whether to look for proofs of the bounds in ball arithmetic, too; they take seconds for each case",
+    )
+
+
+class AtlasTable(Table):
+    """How deep `occ atlas` looks at each point, and which lines its maps show."""
+
+    depth: Literal["long_run", "least_work", "comparison"] = Field(
+        default="long_run",
+        description="long_run: closed forms; least_work: the law's work over the horizon and the least there is; "
+        "comparison: all controllers, limits and bounds",
+    )
+    speed_lines: list[Positive] = Field(default=[0.8], description="[m/s] speeds of B to draw a line for")
+    torque_lines: list[Positive] = Field(default=[2.1], description="[N m] steady wheel torques to draw a line for")
 
 
 class RangeTable(Table):
@@ -198,8 +246,10 @@ class ExperimentFile(Sweep):
     start: StartTable = Field(default_factory=lambda: StartTable())
     horizon: HorizonTable
     limits: LimitsTable = Field(default_factory=lambda: LimitsTable())
+    plant: PlantTable | None = Field(default=None, json_schema_extra=_without_default)
     controller: Annotated[list[ControllerTable], MinLen(1)]
     compare: CompareTable = Field(default_factory=CompareTable)
+    atlas: AtlasTable = Field(default_factory=AtlasTable)
 
     def task(self) -> Task:
         """The task of all controllers.
@@ -215,6 +265,7 @@ class ExperimentFile(Sweep):
             duration=horizon.seconds(motion),
             start=self.start.build(),
             limits=self.limits.build(),
+            plant=self.plant.build(self.platform) if self.plant is not None else None,
         )
 
     def players(self) -> dict[str, Player]:

@@ -55,20 +55,32 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         InputError: the folder cannot be written or is full; a file that was there is as before.
     """
-    with replacing(path) as temporary:
-        temporary.write_bytes(text.encode())
+    write_bytes(path, text.encode())
 
 
-def file_stamp(path: Path) -> dict[str, Any]:
-    """Size and sha256 of a file, to know it again.
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a whole file at once.
 
     Args:
         path: of the file.
+        content: of the file.
+
+    Raises:
+        InputError: the folder cannot be written or is full; a file that was there is as before.
+    """
+    with replacing(path) as temporary:
+        temporary.write_bytes(content)
+
+
+def stamp(content: bytes) -> dict[str, Any]:
+    """Size and sha256 of a file's content, to know it again.
+
+    Args:
+        content: of the file.
 
     Returns:
         ``size`` [bytes] and ``sha256``.
     """
-    content = path.read_bytes()
     return {"size": len(content), "sha256": hashlib.sha256(content).hexdigest()}
 
 
@@ -90,7 +102,8 @@ class Store:
         """
         probe = self.folder / ".store" / "writable"
         write_text(probe, "")
-        probe.unlink()
+        # Another run into the same folder may have been faster.
+        probe.unlink(missing_ok=True)
 
     def path(self, key: str) -> Path:
         """The file of a case."""
@@ -101,7 +114,7 @@ class Store:
 
         Args:
             key: of the case's content.
-            rows: plain data; ``trajectory`` is None or the ``path`` in the folder with its `file_stamp`.
+            rows: plain data; ``trajectory`` is None or the ``path`` in the folder with its `stamp`.
 
         Raises:
             InputError: the folder cannot be written.
@@ -136,4 +149,4 @@ class Store:
         # The size first: it tells most damages without reading the file.
         if path.stat().st_size != trajectory["size"]:
             return False
-        return file_stamp(path) == {"size": trajectory["size"], "sha256": trajectory["sha256"]}
+        return stamp(path.read_bytes()) == {"size": trajectory["size"], "sha256": trajectory["sha256"]}

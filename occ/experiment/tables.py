@@ -51,7 +51,7 @@ def built(value: Any) -> Any:
 
 
 def table_model(
-    cls: type, base: type[DataTable] = DataTable, tag: tuple[str, str] | None = None, **more: Any
+    cls: type, base: type[DataTable] = DataTable, tag: tuple[str, str] | None = None, label: str = "", **more: Any
 ) -> type[DataTable]:
     """The pydantic model of a dataclass's table.
 
@@ -59,6 +59,7 @@ def table_model(
         cls: a dataclass with annotated fields.
         base: of the model.
         tag: key and value by which the table is told from its family's other ones.
+        label: name of the model; that of the class by default.
         more: further keys, as pydantic takes them.
 
     Returns:
@@ -83,7 +84,7 @@ def table_model(
         elif field.default_factory is not dataclasses.MISSING:
             options["default_factory"] = field.default_factory
         keys[field.name] = (toml_hint(hints[field.name]), Field(**options))
-    model = create_model(cls.__name__, __base__=base, __doc__=summary(cls), **keys)
+    model = create_model(label or cls.__name__, __base__=base, __doc__=summary(cls), **keys)
     model.stands_for = cls
     model.tag = tag[1] if tag else ""
     return model
@@ -92,7 +93,7 @@ def table_model(
 def toml_hint(hint: Any) -> Any:
     """A field's annotation as TOML can meet it: tuples are written as lists, dataclasses as tables, None not at all."""
     if isinstance(hint, type) and dataclasses.is_dataclass(hint):
-        return _option_table(hint) if _is_option(hint) else table_model(hint)
+        return _option_table(hint) if _is_option(hint) else _inner_table(hint)
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return Annotated[(toml_hint(arguments[0]), *arguments[1:])]
@@ -111,9 +112,16 @@ def _is_option(hint: Any) -> bool:
 
 
 @cache
+def _inner_table(cls: Any) -> type[DataTable]:
+    """The model of a dataclass without a kind, the same wherever it appears."""
+    return table_model(cls)
+
+
+@cache
 def _option_table(cls: Any) -> type[DataTable]:
-    """The model of an option, the same wherever the option appears."""
-    return table_model(cls, tag=("kind", cls.kind))
+    """The model of an option, the same wherever the option appears; a controller may be an option of another one."""
+    label = f"{cls.__name__}Inside" if hasattr(cls, "solve") else cls.__name__
+    return table_model(cls, tag=("kind", cls.kind), label=label)
 
 
 def one_of(models: Iterable[type[DataTable]], key: str) -> Any:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from occ.figures.floor import path_figure
 from occ.figures.over_time import Motions, cost_figure, force_figure, heading_figure
+from occ.figures.reach import reach_figure, torque_box
 from occ.figures.style import style, write
-from occ.figures.sweep import gap_figure, numeric_keys
+from occ.figures.sweep import gap_figure, numeric_keys, value_figure
 from occ.objectives import Objective
 from occ.report.contents import plain_name
 from occ.report.stored import Stored, load
@@ -61,9 +62,18 @@ def plan(stored: Stored) -> list[Planned]:
                 name = f"gap-{item.name}-{key}.svg"
                 caption = f"{plain_name(item).capitalize()} above its bound against {key}."
                 planned.append(Planned(name, caption, "", _gap_drawing(stored, item, key)))
+    for key in numeric_keys(stored):
+        for item in stored.objectives:
+            name = f"{item.name}-{key}.svg"
+            caption = f"{plain_name(item).capitalize()} of each controller against {key}."
+            planned.append(Planned(name, caption, "", partial(_value_drawing, stored, item, key)))
     for case in stored.cases[:DRAWN_CASES] if many else stored.cases:
         planned += _of_case(stored, case)
     return planned
+
+
+def _value_drawing(stored: Stored, item: Objective, key: str, _: Motions) -> Figure | None:
+    return value_figure(stored, item, key)
 
 
 def _gap_drawing(stored: Stored, item: Objective, key: str) -> Drawing:
@@ -75,6 +85,8 @@ def _of_case(stored: Stored, case: str) -> Iterator[Planned]:
     prefix = f"{stored.slug(case)}-" if several else ""
     where = f", {case}" if several else ""
     for item in stored.objectives:
+        if item.largest:
+            continue
         yield Planned(
             f"{prefix}{item.name.replace('_', '-')}.svg",
             f"{plain_name(item).capitalize()} over time and its difference to {stored.controllers[0]}{where}.",
@@ -87,6 +99,14 @@ def _of_case(stored: Stored, case: str) -> Iterator[Planned]:
         case,
         partial(force_figure, where=where),
     )
+    box = torque_box(stored.runs.get(case, {}).get("tables", {}))
+    if box is not None:
+        yield Planned(
+            f"{prefix}reach.svg",
+            f"Wrenches that the torque limit lets the wheels reach, and the wrenches of each motion{where}.",
+            case,
+            partial(reach_figure, box, where=where),
+        )
     yield Planned(
         f"{prefix}paths.svg",
         f"Paths of B and of the platform's centre O, with the platform at even intervals of time{where}.",

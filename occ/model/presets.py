@@ -41,6 +41,7 @@ class YouBot:
     half_wheelbase: Positive = _number(0.235, "m", "h")
     wheel_radius: Positive = _number(0.0475, "m", "R")
     roller_radius: Positive = _number(0.014, "m", "r")
+    friction_scale: NonNegative = _number(1.0, "1", "common factor of mu_1 and mu_2")
 
     def __post_init__(self) -> None:
         check_fields(self)
@@ -57,8 +58,8 @@ class YouBot:
                 roller_radius=self.roller_radius,
                 mass=self.wheel_mass,
                 spin_inertia=self.wheel_spin_inertia,
-                friction=self.wheel_friction,
-                roller_friction=self.roller_friction,
+                friction=self.wheel_friction * self.friction_scale,
+                roller_friction=self.roller_friction * self.friction_scale,
             )
             for x, y, sign in corners
         )

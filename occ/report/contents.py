@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
+from occ.experiment.bounds import PROVEN
 from occ.objectives import Objective
 from occ.report.stored import Row, Stored
 from occ.report.tables import MISSING, Column, Table, amount, gap, is_missing, peak, residual
@@ -59,10 +60,18 @@ def plain_name(item: Objective) -> str:
 
 
 def gap_text(row: Row, item: Objective) -> str:
-    """The gap and, in brackets, the kind of bound: ``0.5305 (local)``."""
+    """The gap and, in brackets, the kind of bound: ``0.5305 (local)``; in words where it is below its uncertainty."""
     kind = row[f"{item.name}_bound_kind"]
-    value = gap(row[f"{item.name}_gap_percent"])
+    value = "not resolved" if is_unresolved(row, item) else gap(row[f"{item.name}_gap_percent"])
     return value if is_missing(kind) else f"{value} ({kind})"
+
+
+def is_unresolved(row: Row, item: Objective) -> bool:
+    """Whether a gap to a proven bound is below its own uncertainty."""
+    percent, uncertainty = row[f"{item.name}_gap_percent"], row.get(f"{item.name}_gap_uncertainty_percent")
+    if is_missing(percent) or is_missing(uncertainty) or row[f"{item.name}_bound_kind"] not in PROVEN:
+        return False
+    return bool(abs(float(percent)) <= float(cast("float", uncertainty)))
 
 
 def _gap_field(item: Objective) -> Field:
@@ -97,6 +106,10 @@ ACCURACY = [
     number_field("replay error", "m", "replay_error_m", residual),
     number_field("energy residual", "J", "energy_residual_J", residual),
 ]
+OFF_PROGRAM = [
+    number_field("B off its program, at most", "m", "position_error_m", residual),
+    number_field("at the end", "m", "position_error_end_m", residual),
+]
 MESSAGES = [text_field("status"), text_field("message")]
 
 
@@ -113,6 +126,8 @@ def answer_tables(stored: Stored) -> list[Table]:
     for item in stored.objectives:
         fields += [number_field(plain_name(item), plain_unit(item.unit), item.column, amount), _gap_field(item)]
     fields.append(WHEELS[0])
+    if any(row["keep"] == "none" for row in stored.records()):
+        fields += OFF_PROGRAM
     if len(stored.cases) > MOST_CASES_APART:
         return [_table(stored.title, fields, stored.records(), with_case=True)]
     return [_table(case, fields, stored.records(case), with_case=False) for case in stored.cases]

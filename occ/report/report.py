@@ -77,6 +77,7 @@ def report_text(stored: Stored, figures: Sequence[tuple[str, str]] = ()) -> str:
     details = [(heading, text, contents.detail_table(stored, heading, fields)) for heading, text, fields in DETAILS]
     return environment.get_template("report.md.j2").render(
         title=markdown_text(stored.title),
+        keeps={row["keep"] for row in stored.records()},
         question=markdown_text(stored.question),
         answer_tables=contents.answer_tables(stored),
         answer=words.answer(stored),

@@ -13,11 +13,11 @@ import pandas as pd
 
 from occ.errors import InputError
 from occ.experiment import naming
+from occ.experiment.bounds import BOUND_COLUMNS
 from occ.objectives import Objective, objective
 from occ.referee import LABELS, MEASURES
 
 Row: TypeAlias = dict[str, Any]
-BOUND_COLUMNS = ("bound", "bound_kind", "gap_percent")
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def load(folder: Path) -> Stored:
         # Names such as "NA" or "007" are names: only numbers may be missing.
         rows = pd.read_csv(table, dtype=str, keep_default_na=False)
         for name in rows.columns:
-            if name in MEASURES or name.endswith(("_bound", "_gap_percent")):
+            if name in MEASURES or name.endswith(("_bound", "_percent")):
                 rows[name] = rows[name].replace("", "nan").astype(float)
     except ValueError as error:  # pandas' own errors are among them
         raise InputError(f"{table}: not a table of results ({error})") from error

@@ -9,14 +9,15 @@ import math
 from statistics import median
 from typing import Any
 
+from occ.experiment.bounds import PROVEN
 from occ.objectives import Objective
-from occ.report.contents import MOST_CASES_APART, plain_name, plain_unit
+from occ.report.contents import MOST_CASES_APART, is_unresolved, plain_name, plain_unit
 from occ.report.stored import Row, Stored
 from occ.report.tables import amount, gap, is_missing, markdown_text, peak
 
 KINDS = {
     "certified": "a proof, independent of every controller, says that no controller of its class needs less",
-    "exact": "it is the least value of its class by a formula, not by a solver",
+    "exact": "it is the least value of its class without limits by a formula, not by a solver",
     "local": "it is the value of a KKT point, and nothing proves that its class holds no lower value",
 }
 """Kinds of bounds, as ends of sentences."""
@@ -52,6 +53,11 @@ def _case_answer(stored: Stored, case: str, item: Objective, law: str) -> str:
     if own is None or own["status"] != "ok":
         status = "no row" if own is None else f"status {own['status']}"
         return f"{topic} **{markdown_text(law)}** has no result here ({status})."
+    if own["keep"] == "none":
+        return (
+            f"{topic} **{markdown_text(law)}** takes {_quantity(own[item.column], item)} and leaves its program by up "
+            f"to {own['position_error_m']:.2g} m; a row that leaves it further may need less only on that account."
+        )
     usable = [row for row in rows if row["status"] == "ok" and row["keep"] == own["keep"]]
     peers = [row for row in usable if row["start"] == own["start"]]
     others = [row for row in usable if row["start"] != own["start"] and own["start"] != "own"]
@@ -99,9 +105,16 @@ def _bound(own: Row, least: float, item: Objective) -> str:
     percent = own[f"{item.name}_gap_percent"]
     if math.isclose(bound, least, rel_tol=1e-12):
         return f"That least value is the bound of the law's class, too, and it is *{kind}*: {KINDS[kind]}."
+    reference = "the lower bound" if kind in PROVEN else "the best known value"
+    if is_unresolved(own, item):
+        return (
+            f"The gap of {_name(own)} to {reference} of its class, {_quantity(bound, item)}, is not resolved: it is "
+            f"below its own uncertainty of {_percent(own[f'{item.name}_gap_uncertainty_percent'])}; "
+            f"this bound is *{kind}*: {KINDS[kind]}."
+        )
     side = "above" if percent >= 0 else "below"
     return (
-        f"{_name(own)} is {_percent(abs(percent))} {side} the best known value of its class, "
+        f"{_name(own)} is {_percent(abs(percent))} {side} {reference} of its class, "
         f"{_quantity(bound, item)}; this bound is *{kind}*: {KINDS[kind]}."
     )
 

@@ -62,7 +62,7 @@ BAD = [
     (
         "no kind",
         tiny(('kind = "servo"\n', "")),
-        ["controller.servo law.kind:", "missing", "servo, prescribed_rotation"],
+        ["controller.servo law.kind:", "missing", "servo, servo_measured, prescribed_rotation"],
     ),
     ("no controller", tiny().partition("[[controller]]")[0], ["controller:", "at least one", "[[controller]]"]),
     (

@@ -14,7 +14,7 @@ import pytest
 from occ.errors import InputError
 from occ.experiment.load import load_experiment
 from occ.experiment.run import run
-from occ.experiment.store import Store, file_stamp, replacing, write_text
+from occ.experiment.store import Store, replacing, stamp, write_text
 from occ.laws import ServoLaw
 from occ.task import Solution, Task
 from tests.experiment import tiny
@@ -83,7 +83,7 @@ def test_damaged_store_is_not_believed(tmp_path: Path) -> None:
 def test_trajectory_must_be_the_one_that_was_stored(tmp_path: Path) -> None:
     store, file = Store(tmp_path), tmp_path / "a.nc"
     file.write_bytes(b"motion")
-    rows = [{"trajectory": {"path": "a.nc", **file_stamp(file)}}]
+    rows = [{"trajectory": {"path": "a.nc", **stamp(file.read_bytes())}}]
     store.write("key", rows)
     assert store.read("key") == rows
     file.write_bytes(b"Motion")

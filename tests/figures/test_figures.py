@@ -17,7 +17,7 @@ from occ.figures.comparison import Motions, plan, write_figures
 from occ.figures.floor import path_figure
 from occ.figures.over_time import cost_figure, force_figure, heading_figure, visible_range
 from occ.figures.style import COLOURS, DASHES, controller_line, label, look, style
-from occ.figures.sweep import gap_figure
+from occ.figures.sweep import gap_figure, value_figure
 from occ.objectives import OBJECTIVES, objective
 from occ.report.stored import Motion, load
 from tests.report.synthetic import COMPARED, WHEELS, motion, row, store
@@ -279,7 +279,8 @@ def sweep(tmp_path: Path, count: int) -> Path:
 def test_many_cases_have_a_figure_of_the_gap_and_only_three_of_their_own(tmp_path: Path) -> None:
     names = [item.name for item in plan(load(sweep(tmp_path, 7)))]
     assert names[:2] == ["gap-work-motion.radius.svg", "gap-torque_squared-motion.radius.svg"]
-    assert len(names) == 2 + 3 * len(ALL)
+    assert names[2:4] == ["work-motion.radius.svg", "torque_squared-motion.radius.svg"]
+    assert len(names) == 4 + 3 * len(ALL)
     assert not [name for name in names if name.startswith("gap-work-motion.kind")]
 
 
@@ -294,6 +295,18 @@ def test_the_gap_is_the_stored_one(tmp_path: Path) -> None:
         np.testing.assert_array_equal(line.get_ydata(), rows["work_gap_percent"])
     assert panel.get_ylabel() == "gap [%]"
     assert "motion.radius" in panel.get_xlabel()
+
+
+def test_the_value_over_a_swept_key_is_the_stored_one(tmp_path: Path) -> None:
+    stored = load(sweep(tmp_path, 4))
+    assert "work-motion.radius.svg" in [item.name for item in plan(stored)]
+    figure = value_figure(stored, objective("work"), "motion.radius")
+    assert figure is not None
+    (panel,) = figure.axes
+    for name, line in curves(panel).items():
+        rows = stored.rows[stored.rows["controller"] == name]
+        np.testing.assert_array_equal(line.get_ydata(), rows["work_J"])
+    assert panel.get_ylabel() == "work [J]"
 
 
 def test_gaps_of_several_sizes_have_plain_numbers_on_their_axis(tmp_path: Path) -> None:

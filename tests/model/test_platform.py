@@ -158,7 +158,8 @@ class TestYouBot:
             "wheel_radius": 0.06,
             "roller_radius": 0.02,
         }
-        assert set(changed) == set(YouBot.__dataclass_fields__)
+        assert {*changed, "friction_scale"} == set(YouBot.__dataclass_fields__)
+        assert youbot(friction_scale=2.0) == youbot(wheel_friction=0.22, roller_friction=0.01156)
         entries = {
             "platform_mass": ["platform_mass"],
             "yaw_inertia": ["yaw_inertia"],

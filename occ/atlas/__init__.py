@@ -1,0 +1,1 @@
+"""Maps over parameters: where the law is near the optimum and where it is not."""

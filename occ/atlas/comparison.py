@@ -1,0 +1,105 @@
+"""A full comparison at one point: every controller solved and judged, with the bounds of its class."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from occ.atlas.variables import Variable
+from occ.errors import Status
+from occ.experiment.bounds import bound_columns, local_bounds
+from occ.experiment.case import Case
+from occ.experiment.proven import proven_bounds
+from occ.experiment.results import Row
+from occ.experiment.run import lost_rows, solve_row
+from occ.objectives import OBJECTIVES
+from occ.referee import MEASURES
+
+STATUSES = tuple(status.value for status in Status)
+"""Texts of ``status`` are kept as their places in this list."""
+UNITS = {
+    "J": "J",
+    "Nm": "N m",
+    "N2m2s": "N^2 m^2 s",
+    "rad_s": "rad/s",
+    "m_s": "m/s",
+    "W": "W",
+    "m": "m",
+    "percent": "%",
+}
+"""Endings of columns."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One case and what is compared, plain data.
+
+    Args:
+        case: with its controllers.
+        objectives: whose bounds and gaps are wanted.
+    """
+
+    case: Case
+    objectives: tuple[str, ...]
+
+
+def compare(item: Comparison) -> list[Row]:
+    """Solve and judge the controllers of a case; trajectories are not kept.
+
+    Args:
+        item: plain data.
+
+    Returns:
+        One row for each controller: labels, measures, bounds and gaps.
+
+    Raises:
+        BoundViolation: a feasible row below a proven bound of its class.
+    """
+    task = item.case.task()
+    rows = [solve_row(item.case, task, name, player)[0] for name, player in item.case.players().items()]
+    return _bounded(item, rows)
+
+
+def lost_comparison(item: Comparison, reason: str) -> list[Row]:
+    """The rows of a comparison that has no answer."""
+    return _bounded(item, lost_rows(item.case, reason))
+
+
+def _bounded(item: Comparison, rows: Sequence[Row]) -> list[Row]:
+    own = [{"case": item.case.name} | dict(row) for row in rows]
+    for name in item.objectives:
+        bounds = [*proven_bounds(item.case, own, name), *local_bounds(own, name)]
+        for row in own:
+            row |= bound_columns(row, name, bounds)
+    kept = ("controller", "status", "message", *numbers(item.objectives))
+    return [{name: row.get(name) for name in kept} for row in own]
+
+
+def numbers(objectives: Sequence[str]) -> tuple[str, ...]:
+    """Names of the numbers in each row."""
+    return (*MEASURES, *(f"{name}_{part}" for name in objectives for part in ("bound", "gap_percent")))
+
+
+def variables(objectives: Sequence[str]) -> dict[str, Variable]:
+    """Unit and meaning of the same names."""
+    return {name: Variable(_unit(name), _meaning(name)) for name in numbers(objectives)}
+
+
+def _unit(name: str) -> str:
+    for objective in OBJECTIVES.values():
+        if name == f"{objective.name}_bound":
+            return objective.unit
+    return next((unit for ending, unit in UNITS.items() if name.endswith(f"_{ending}")), "1")
+
+
+def _meaning(name: str) -> str:
+    words = name
+    for ending in UNITS:
+        words = words.removesuffix(f"_{ending}")
+    return words.replace("_", " ")
+
+
+def status_place(row: dict[str, Any]) -> int:
+    """Where a row's status is in the list."""
+    return STATUSES.index(row["status"])

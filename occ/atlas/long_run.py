@@ -1,0 +1,141 @@
+"""Closed forms at many points: where the law ends up, what that costs, and the least that any motion costs."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from occ.atlas.law import CRITICAL, ROTATIONAL, STEADY, UNSTABLE, rotations
+from occ.atlas.motion import keeps_rotating
+from occ.atlas.points import Points
+from occ.atlas.variables import place
+from occ.model.coefficients import coefficient_function
+from occ.model.constraint import path_functions
+from occ.numeric import evaluate_many
+from occ.theory.asymptotics import asymptotic_period
+from occ.theory.circle import CircleQuantities, circle_quantities
+from occ.theory.coefficients import YawCoefficients
+from occ.theory.dissipation import circle_energy
+from occ.theory.equation import ScaledEquation
+from occ.theory.long_run import long_run, switch_radius
+from occ.theory.stability import eigenvalues
+
+Columns = dict[str, np.ndarray]
+
+
+def long_run_columns(points: Points) -> Columns:
+    """Every variable of `occ.atlas.variables.LONG_RUN` at each point.
+
+    Args:
+        points: any number of circles.
+
+    Returns:
+        (N,) each; texts as places.
+    """
+    c, radius, rate = points.coefficients, points.radius, points.rate
+    q = circle_quantities(c, radius, rate)
+    energy = circle_energy(c, radius, rate)
+    with np.errstate(invalid="ignore"):  # where there is no steady rotation
+        roots = eigenvalues(q.stable_damping, q.stiffness)
+    leading = np.take_along_axis(roots, np.argmax(roots.real, axis=0)[None], axis=0)[0]
+    regime = np.where(radius < q.critical_radius, place(ROTATIONAL), place(STEADY))
+    regime[radius == q.critical_radius] = place(CRITICAL)
+    with np.errstate(invalid="ignore"):
+        law_regime = np.where((regime == place(STEADY)) & ~(q.stable_damping > 0), place(UNSTABLE), regime)
+    candidates = np.flatnonzero(law_regime == place(STEADY))
+    beside = CircleQuantities(*(values[candidates] for values in q))
+    rotates = keeps_rotating(_rows(c, candidates), beside, points.of(candidates))
+    law_regime[candidates[rotates]] = place(ROTATIONAL)
+    settled = law_regime != place(UNSTABLE)
+    power = np.where(settled, energy.dissipation(q.stable_heading, rate), np.nan)
+    turning = np.flatnonzero(law_regime == place(ROTATIONAL))
+    eq = ScaledEquation(rate, np.sign(rate) * q.epsilon, q.radius_ratio, q.k, q.alpha, q.beta - q.alpha)
+    period, mean_yaw_rate = np.full(len(points), np.nan), np.where(settled, rate, np.nan)
+    asymptotic = period.copy()
+    if turning.size:
+        some = ScaledEquation(*(values[turning] for values in eq))
+        found = rotations(circle_energy(_rows(c, turning), radius[turning], rate[turning]), some)
+        power[turning], period[turning], mean_yaw_rate[turning] = found
+        inside = some.ratio < 1
+        asymptotic[turning[inside]] = asymptotic_period(ScaledEquation(*(values[inside] for values in some)))
+    best = long_run(energy)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gap = 100 * (power - best.mean_power) / best.mean_power
+    return {
+        "critical_radius_m": q.critical_radius,
+        "critical_speed_m_s": q.critical_speed,
+        "alpha_rad": q.alpha,
+        "beta_rad": q.beta,
+        "epsilon": q.epsilon,
+        "radius_ratio": q.radius_ratio,
+        "regime": regime.astype(np.int8),
+        "stable_psi_tilde_rad": q.stable_heading,
+        "unstable_psi_tilde_rad": q.unstable_heading,
+        "eigenvalue_real_1_s": leading.real,
+        "eigenvalue_imaginary_1_s": np.abs(leading.imag),
+        "law_regime": law_regime.astype(np.int8),
+        "period_s": period,
+        "period_asymptotic_s": asymptotic,
+        "mean_yaw_rate_rad_s": mean_yaw_rate,
+        "law_mean_power_W": power,
+        "law_torque_Nm": steady_torque(points, q),
+        "least_mean_power_W": best.mean_power,
+        "least_mean_power_regime": np.where(best.steady, place(STEADY), place(ROTATIONAL)).astype(np.int8),
+        "optimal_switch_radius_m": _switch_radius(points, c),
+        "long_run_gap_percent": gap,
+        "platform_speed_m_s": radius * np.abs(rate),
+    }
+
+
+def _rows(c: YawCoefficients, rows: np.ndarray) -> YawCoefficients:
+    return YawCoefficients(*(values[rows] for values in c))
+
+
+def _switch_radius(points: Points, c: YawCoefficients) -> np.ndarray:
+    """It depends on platform and point B only, which many points share."""
+    _, place_of = np.unique(points.point[0] + 1j * points.point[1], return_inverse=True)
+    _, first, back = np.unique(
+        place_of * len(points.parameters) + points.platform, return_index=True, return_inverse=True
+    )
+    return np.asarray(switch_radius(_rows(c, first))[back])
+
+
+def steady_torque(points: Points, q: CircleQuantities) -> np.ndarray:
+    """max_i |M_i| of least norm in the law's steady rotation, eqs. (3.11)-(3.13) at Omega = omega_B, Omega' = 0.
+
+    Args:
+        points: of the circles.
+        q: of the same circles.
+
+    Returns:
+        (N,) [N m]; NaN where there is no steady rotation.
+    """
+    torque = np.full(len(points), np.nan)
+    rows = np.flatnonzero(np.isfinite(q.stable_heading))
+    if not rows.size:
+        return torque
+    # With the program seen from its own radius the heading is psi~, and velocity and acceleration are along the axes.
+    zero, radius, rate = np.zeros(len(rows)), points.radius[rows], points.rate[rows]
+    velocity, acceleration = np.array([zero, radius * rate]), np.array([-radius * rate**2, zero])
+    packed = np.array([_packed(points.wheel_count, numbers) for numbers in points.parameters])
+    single = len(packed) == 1
+    (torques,) = evaluate_many(
+        path_functions(points.wheel_count)["torque"],
+        packed[0] if single else packed[points.platform[rows]].T,
+        points.point[:, rows],
+        q.stable_heading[rows][None, :],
+        rate[None, :],
+        velocity,
+        acceleration,
+        zero[None, :],
+        np.zeros((points.wheel_count - 3, len(rows))),
+        shared=(0,) if single else (),
+    )
+    torque[rows] = np.abs(torques).max(axis=0)
+    return torque
+
+
+def _packed(wheel_count: int, numbers: np.ndarray) -> np.ndarray:
+    """`occ.model.coefficients.coefficients` of a platform's numbers; no null torque is asked for."""
+    matrices = [np.array(matrix) for matrix in coefficient_function(wheel_count)(numbers)]
+    matrices.append(np.zeros((wheel_count, wheel_count - 3)))
+    return np.concatenate([matrix.ravel(order="F") for matrix in matrices])

@@ -1,0 +1,300 @@
+"""An atlas: numbers of the theory at every point, whatever the engine, the blocks and the interruptions."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+from occ.atlas import run as atlas_run
+from occ.atlas.dataset import atlas_dataset, read_atlas, unit_of, write_atlas
+from occ.atlas.grid import Grid, load_grid
+from occ.atlas.run import Block, Comparison, make_atlas
+from occ.errors import InputError
+from occ.experiment.child import Lost
+from occ.experiment.load import load_experiment
+from occ.experiment.pool import Engine
+from occ.theory.coefficients import yaw_coefficients
+from occ.theory.dissipation import energy_of
+from occ.theory.equation import reduced_motion
+from occ.theory.minimum_work import minimum_work
+from tests.atlas import SWEEP, atlas_text
+from tests.experiment.conftest import Occ, Write, occ, write
+
+__all__ = ["occ", "write"]
+
+
+def made(path: Path, out: Path, engine: Engine | None = None, *overrides: str) -> xr.Dataset:
+    grid = load_grid(path, overrides)
+    dataset = atlas_dataset(grid, make_atlas(path, grid, out, engine or Engine()))
+    write_atlas(dataset, out)
+    return dataset
+
+
+def test_published_gaps(write: Write, tmp_path: Path) -> None:
+    """0.161 %, 13.3 % and 6.4 % at b = (0.40, 0.05)."""
+    path = write(atlas_text('"motion.radius" = [0.6, 0.7]\n"motion.rate" = [-0.4, 0.4]\n'))
+    gap = made(path, tmp_path / "out")["long_run_gap_percent"]
+    assert float(gap.sel({"motion.radius": 0.7, "motion.rate": -0.4})) == pytest.approx(0.161, abs=5e-4)
+    assert float(gap.sel({"motion.radius": 0.7, "motion.rate": 0.4})) == pytest.approx(13.3, abs=0.05)
+    assert float(gap.sel({"motion.radius": 0.6, "motion.rate": -0.4})) == pytest.approx(6.4, abs=0.05)
+
+
+def test_check_values_of_the_long_run_and_the_finite_horizon(write: Write, tmp_path: Path, printed: Any) -> None:
+    path = write(
+        atlas_text('horizon = [{ laps = 1 }, { duration = 30.0 }]\n"motion.radius" = [0.3, 0.7]\n', "least_work")
+    )
+    data = made(path, tmp_path / "out")
+    lap = data.sel({"horizon": "laps=1", "motion.radius": 0.7})
+    long = data.sel({"horizon": "duration=30", "motion.radius": 0.7})
+    for name, one, value in (
+        ("critical_radius_m", lap, "0.647403193343"),
+        ("critical_speed_m_s", lap, "26.5482182534"),
+        ("alpha_rad", lap, "0.0887386943436"),
+        ("beta_rad", lap, "0.124354994547"),
+        ("epsilon", lap, "0.0471341483901"),
+        ("stable_psi_tilde_rad", lap, "-0.478863232355"),
+        ("unstable_psi_tilde_rad", lap, "0.301385843667"),
+        ("eigenvalue_real_1_s", lap, "-0.167160849869"),
+        ("law_torque_Nm", lap, "1.22530952523"),
+        ("law_mean_power_W", lap, "12.4027335158"),
+        ("least_mean_power_W", lap, "12.3827824586"),
+        ("optimal_switch_radius_m", lap, "0.532954910017"),
+        ("law_work_J", lap, "201.389773055"),
+        ("least_work_J", lap, "200.32711903371"),
+        ("law_work_J", long, "378.753508466"),
+        ("least_work_J", long, "377.321044772"),
+    ):
+        assert float(one[name]) == printed(value), name
+    small = data.sel({"horizon": "laps=1", "motion.radius": 0.3})
+    assert str(small["law_regime"].values) == str(small["least_mean_power_regime"].values) == "rotational"
+    assert float(small["least_mean_power_W"]) == printed("2.5640777")
+
+
+@pytest.mark.parametrize("radius", [0.1, 0.5, 0.64])
+def test_mean_power_of_a_rotating_law_is_that_of_its_simulation(write: Write, tmp_path: Path, radius: float) -> None:
+    path = write(atlas_text(f'"motion.radius" = [{radius}, 0.7]\n'))
+    data = made(path, tmp_path / "out").sel({"motion.radius": radius})
+    task = load_experiment(path).cases[0].task()
+    period = float(data["period_s"])
+    first = math.ceil(8.0 / 0.17 / period) * period
+    # The mean over one period, after the transient, by the trapezoidal rule: exact for periodic functions.
+    t = np.concatenate([[0.0], np.linspace(first, first + period, 4001)])
+    c = yaw_coefficients(task.platform, task.point)
+    angle, yaw_rate = reduced_motion(c, radius, -0.4, (-1.0, 0.1), t)
+    power = energy_of(task.platform, task.point, task.motion).dissipation(angle[1:], yaw_rate[1:])
+    assert float(data["law_mean_power_W"]) == pytest.approx(float(power[:-1].mean()), rel=1e-8)
+    assert angle[-1] - angle[1] == pytest.approx(2 * math.pi, rel=1e-7)
+    mean = (angle[-1] - angle[1]) / period - 0.4
+    assert float(data["mean_yaw_rate_rad_s"]) == pytest.approx(mean, rel=1e-6)
+
+
+def test_each_point_is_that_of_its_own_case(write: Write, tmp_path: Path) -> None:
+    """Platform, point, motion and start from the sweep reach the right point of the arrays."""
+    sweep = (
+        '"platform.wheel_friction" = [0.05, 0.11]\n"motion.radius" = { from = 0.3, to = 0.7, count = 3 }\n'
+        '"platform.mass_center" = [[0.0, 0.01], [0.016, -0.026]]\n"start.heading" = [0, 1.0]\n'
+        '"motion.rate" = [-0.4, 1]\n'
+    )
+    path = write(atlas_text(sweep, "least_work"))
+    grid = load_grid(path)
+    cases = load_experiment(path).cases
+    assert grid.size == len(cases) == 48
+    for number in (0, 5, 17, 30, 47):
+        task = cases[number].task()
+        one = grid.points(number, number + 1)
+        np.testing.assert_array_equal(one.parameters[0], task.platform.parameters())
+        assert (one.radius[0], one.rate[0]) == (task.motion.radius, task.motion.rate)
+        assert tuple(one.point[:, 0]) == task.point
+        assert one.heading[0] == task.start.heading
+        assert one.duration[0] == task.duration
+        columns, reasons = atlas_run.least_work_columns(one)
+        assert reasons == []
+        assert columns["least_work_J"][0] == pytest.approx(minimum_work(task).work, rel=1e-12)
+
+
+def test_regimes_are_what_they_say(write: Write, tmp_path: Path) -> None:
+    data = made(write(atlas_text(SWEEP)), tmp_path / "out")
+    ratio = data["radius_ratio"].values
+    assert np.all((data["regime"].values == "steady") == (ratio > 1))
+    steady = data["law_regime"].values == "steady"
+    assert np.all(data["eigenvalue_real_1_s"].values[steady] < 0)
+    assert np.all(np.isnan(data["period_s"].values) == (ratio > 1))
+    # No rotation strategy, the law's own in particular, is below the least mean power.
+    assert np.all(data["long_run_gap_percent"].values > -1e-9)
+
+
+def test_file_has_units_provenance_and_the_same_values(write: Write, tmp_path: Path) -> None:
+    data = made(write(atlas_text(SWEEP)), tmp_path / "out")
+    back = read_atlas(tmp_path / "out")
+    xr.testing.assert_identical(back, data)
+    assert tuple(back.dims) == ("motion.radius", "motion.rate")
+    for variable in back.variables.values():
+        assert variable.attrs["units"]
+        assert variable.attrs["long_name"]
+    assert json.loads(back.attrs["experiment"])["motion"]["kind"] == "circle"
+    assert {"code", "versions", "depth", "title"} <= set(back.attrs)
+    content = (tmp_path / "out" / "atlas.nc").read_bytes()
+    made(write(atlas_text(SWEEP)), tmp_path / "again")
+    assert (tmp_path / "again" / "atlas.nc").read_bytes() == content
+
+
+@pytest.mark.parametrize(
+    ("key", "unit"),
+    [
+        ("motion.radius", "m"),
+        ("motion.rate", "rad/s"),
+        ("point.x", "m"),
+        ("platform.wheel_friction", "N m s"),
+        ("horizon", "1"),
+    ],
+)
+def test_units_of_swept_keys(key: str, unit: str) -> None:
+    assert unit_of(key) == unit
+
+
+def test_stored_points_are_not_worked_out_again(write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(atlas_run, "SIZES", {"long_run": 3, "least_work": 3})
+    solved: list[Any] = []
+    original = atlas_run.solve
+
+    def counted(item: Any) -> bytes:
+        solved.append(item)
+        if len(solved) == 3:
+            raise KeyboardInterrupt
+        return original(item)
+
+    monkeypatch.setattr(atlas_run, "solve", counted)
+    path = write(atlas_text(SWEEP))
+    with pytest.raises(KeyboardInterrupt):
+        made(path, tmp_path / "out")
+    data = made(path, tmp_path / "out")
+    assert len(solved) == 1 + math.ceil(load_grid(path).size / 3)
+    # In one go: the same to the last bit; in blocks of another size rounding may differ.
+    monkeypatch.setattr(atlas_run, "solve", original)
+    assert data.identical(made(path, tmp_path / "other"))
+    monkeypatch.undo()
+    xr.testing.assert_allclose(data, made(path, tmp_path / "whole"), rtol=1e-11)
+
+
+def test_lost_blocks_are_missing_values_with_reasons_and_are_tried_again(write: Write, tmp_path: Path) -> None:
+    class Losing(Engine):
+        def each(self, function: Any, items: Any) -> Any:
+            for number, _ in enumerate(items):
+                yield number, Lost("ended by a test")
+
+    path = write(atlas_text('"motion.radius" = [0.6, 0.7]\n', "least_work"))
+    grid = load_grid(path)
+    found = make_atlas(path, grid, tmp_path / "out", Losing())
+    assert np.all(np.isnan(found.columns["long_run_gap_percent"]))
+    assert [(item.point, item.message) for item in found.failures] == [(0, "ended by a test"), (1, "ended by a test")]
+    again = make_atlas(path, grid, tmp_path / "out", Engine())
+    assert again.failures == []
+    assert np.all(np.isfinite(again.columns["work_gap_percent"]))
+
+
+def test_command(write: Write, occ: Occ, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    result = occ("atlas", write(atlas_text(SWEEP)), "--out", out)
+    assert result.exit_code == 0, result.output
+    assert result.stderr == ""
+    assert "% of points" in result.stdout
+    assert (out / "atlas.nc").is_file()
+    text = (out / "report.md").read_text()
+    assert "figures/long-run.svg" in text
+    assert (out / "figures" / "long-run.svg").stat().st_size > 5000
+    assert not (out / "failures.csv").exists()
+    again = occ("atlas", tmp_path / "tiny.toml", "--out", out)
+    assert again.stdout == result.stdout
+    assert (out / "report.md").read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("sweep", "words"),
+    [
+        ("", "nothing is swept"),
+        ('"motion.radius" = [0.6, -0.7]\n', "motion.radius"),
+        (
+            '"point.x" = { from = 0.1, to = 1.0, count = 9999 }\n"point.y" = { from = 1.0, to = 2.0, count = 9999 }\n',
+            "too many cases",
+        ),
+        ('horizon = [{ laps = 1 }]\n"motion.rate" = [0.1, 0.2]\n', "cannot be swept at once"),
+    ],
+)
+def test_bad_input_is_one_line_and_nothing_is_written(
+    write: Write, occ: Occ, tmp_path: Path, sweep: str, words: str
+) -> None:
+    result = occ("atlas", write(atlas_text(sweep)), "--out", tmp_path / "out")
+    assert result.exit_code == 2, result.output
+    assert words in result.stderr
+    assert len(result.stderr.splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_other_motions_are_refused(write: Write, tmp_path: Path) -> None:
+    text = atlas_text('"point.x" = [0.3, 0.4]\n').replace(
+        'kind = "circle"\nradius = 0.70', 'kind = "ellipse"\nsemi_axes = [0.7, 0.5]'
+    )
+    with pytest.raises(InputError, match='should be "circle", not "ellipse"'):
+        load_grid(write(text))
+
+
+def test_unwritable_folder_is_one_line(write: Write, occ: Occ, tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("a file")
+    result = occ("atlas", write(atlas_text(SWEEP)), "--out", tmp_path / "taken")
+    assert (result.exit_code, len(result.stderr.splitlines())) == (2, 1)
+    assert "cannot be written" in result.stderr
+
+
+def test_comparison(write: Write, tmp_path: Path) -> None:
+    """Rows of the referee with gaps of their class, and no gap where a limit is broken."""
+    path = write(atlas_text('"motion.radius" = [0.7, 1.4]\n', "comparison") + "\n[limits]\ntorque = 1.4\n")
+    grid = load_grid(path)
+    found = make_atlas(path, grid, tmp_path / "out", Engine())
+    data = atlas_dataset(grid, found)
+    law = data.sel(controller="servo law")
+    assert list(law["status"].values) == ["ok", "infeasible"]
+    assert float(law["work_gap_percent"][0]) > 0
+    assert np.isnan(law["work_gap_percent"][1])
+    assert data["work_J"].attrs["units"] == "J"
+    ((point, status, reason),) = [
+        (item.point, item.status, item.message) for item in found.failures if item.controller == "servo law"
+    ]
+    assert (point, status) == (1, "infeasible")
+    assert "limit 1.4 N m" in reason
+    task = load_experiment(path).cases[0].task()
+    assert float(law["work_bound"][0]) == pytest.approx(minimum_work(task).work, rel=1e-9)
+
+
+def test_items_are_plain_data(write: Write, tmp_path: Path) -> None:
+    import pickle
+
+    path = write(atlas_text(SWEEP))
+    grid: Grid = load_grid(path)
+    block = Block(grid.points(0, 4), False)
+    case = Comparison(load_experiment(path).cases[0], ("work",))
+    assert pickle.loads(pickle.dumps(block)).points.digest == block.points.digest
+    assert pickle.loads(pickle.dumps(case)).case.key == case.case.key
+
+
+@pytest.mark.slow
+def test_with_weak_friction_the_start_decides_what_becomes_of_the_law(write: Write, tmp_path: Path) -> None:
+    """Beside a stable steady rotation there is a rotational motion that attracts most starts."""
+    sweep = '"platform.friction_scale" = [0.02, 1.0]\n"start.heading_rate" = [0.0, -0.5]\n'
+    path = write(atlas_text(sweep).replace("radius = 0.70", "radius = 0.37813217815670785"))
+    data = made(path, tmp_path / "out").sel({"platform.friction_scale": 0.02})
+    assert list(data["law_regime"].values) == ["rotational", "steady"]
+    assert list(data["regime"].values) == ["steady", "steady"]
+    rotating = data.isel({"start.heading_rate": 0})
+    task = load_experiment(path).cases[0].task()
+    c = yaw_coefficients(task.platform, task.point)
+    period = float(rotating["period_s"])
+    t = np.concatenate([[0.0], np.linspace(40 * period, 41 * period, 4001)])
+    angle, yaw_rate = reduced_motion(c, task.motion.radius, -0.4, (-math.pi / 2, 0.0), t)
+    power = energy_of(task.platform, task.point, task.motion).dissipation(angle[1:], yaw_rate[1:])
+    assert float(rotating["law_mean_power_W"]) == pytest.approx(float(power[:-1].mean()), rel=1e-7)
