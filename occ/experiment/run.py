@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from contextlib import closing, redirect_stdout
 from datetime import UTC, datetime
 from functools import partial
@@ -17,6 +17,7 @@ from occ.errors import Status
 from occ.experiment.case import Case
 from occ.experiment.child import Lost
 from occ.experiment.dataset import motion_dataset
+from occ.experiment.interrupt import lasting_interrupts
 from occ.experiment.load import Experiment
 from occ.experiment.naming import slug
 from occ.experiment.netcdf import netcdf_bytes
@@ -75,10 +76,9 @@ def run(experiment: Experiment, out: Path, engine: Engine = HERE, progress: Prog
             tell(case.name, len(stored), not_ok(stored), True)
     missing = [number for number in range(len(experiment.cases)) if number not in outcomes]
     cases = [experiment.cases[number] for number in missing]
-    # Only in this process can a case tell about each of its rows.
-    solve = partial(solve_case, progress=tell) if engine.here else solve_case
-    with closing(engine.each(solve, cases)) as finished:
+    with lasting_interrupts() as stop_if_interrupted, closing(_outcomes(engine, cases, tell)) as finished:
         for position, outcome in finished:
+            stop_if_interrupted()
             case = cases[position]
             solved = Solved(lost_rows(case, outcome.reason), {}) if isinstance(outcome, Lost) else outcome
             _keep(store, case, solved)
@@ -88,6 +88,12 @@ def run(experiment: Experiment, out: Path, engine: Engine = HERE, progress: Prog
     results = assemble(experiment, [outcomes[number] for number in range(len(experiment.cases))], started)
     results.save(out)
     return results
+
+
+def _outcomes(engine: Engine, cases: list[Case], tell: Progress) -> Generator[tuple[int, Solved | Lost], None, None]:
+    # Only in this process can a case tell about each of its rows.
+    solve = partial(solve_case, progress=tell) if engine.here else solve_case
+    return engine.each(solve, cases)
 
 
 def _keep(store: Store, case: Case, solved: Solved) -> None:

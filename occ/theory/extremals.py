@@ -222,9 +222,10 @@ def _solved(
         return 1 / np.take_along_axis(ways(x, FINE).time, row[None, :], axis=0)[0] - 1 / duration
 
     bracket = (points[columns], points[columns + 1])
-    ends = find_root(haste, bracket, args=(rows,), tolerances=TIGHT).bracket
-    # Of both ends of a bracket the one that comes in time exists for certain.
-    x = np.where(early[rows, columns], *ends)
+    root = find_root(haste, bracket, args=(rows,), tolerances=TIGHT)
+    # Of both ends of a bracket the one that comes in time exists for certain; a bracket is not closed around an exact
+    # root.
+    x = np.where(root.f_x == 0, root.x, np.where(early[rows, columns], *root.bracket))
     count = np.arange(len(rows))
     found = ways(x, FINE)
     time, length = found.time[rows, count], found.length[rows, count]

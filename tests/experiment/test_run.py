@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,7 @@ from occ.experiment.results import Results, plain
 from occ.experiment.run import run
 from occ.laws import PrescribedRotation, ServoLaw
 from occ.referee import MEASURES, judge
-from occ.task import Start
+from occ.task import Solution, Start, Task
 from tests.experiment import tiny
 from tests.experiment.conftest import Occ, Write
 
@@ -194,6 +195,23 @@ def test_interrupt_keeps_what_is_finished(write: Write, tmp_path: Path, workers:
     assert "interrupted" in stderr
     assert not (out / "results.csv").exists()
     assert 1 <= len(list(out.glob(".store/*.json"))) < 80
+
+
+def test_interrupt_that_a_solver_swallows_is_not_lost(
+    write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    solve = ServoLaw.solve
+
+    def swallowing(law: ServoLaw, task: Task) -> Solution:
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        return solve(law, task)
+
+    monkeypatch.setattr(ServoLaw, "solve", swallowing)
+    with pytest.raises(KeyboardInterrupt):
+        run(load_experiment(write(tiny())), tmp_path / "out")
+    assert not list((tmp_path / "out").glob(".store/*.json"))
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_plain_data_for_json() -> None:

@@ -312,7 +312,8 @@ def test_the_value_over_a_swept_key_is_the_stored_one(tmp_path: Path) -> None:
 def test_gaps_of_several_sizes_have_plain_numbers_on_their_axis(tmp_path: Path) -> None:
     rows = [row("law", 80.0 * (1 + 10.0 ** (i - 4)), case=str(i), **{"motion.radius": i}) for i in range(7)]
     folder = store(tmp_path, rows)
-    assert {path.name for path in write_figures(folder)} == {f"gap-{name}-motion.radius.svg" for name in COMPARED}
+    names = {f"{kind}{name}-motion.radius.svg" for kind in ("gap-", "") for name in COMPARED}
+    assert {path.name for path in write_figures(folder)} == names
     shown = texts(folder / "figures" / "gap-work-motion.radius.svg")
     assert {"0", "0.1", "1", "10", "100"} <= set(shown)
 

@@ -34,6 +34,14 @@ def test_published_infimum_of_the_free_end(duration: float, expected: float) -> 
     assert minimum_work(paper_task(duration=duration)).work == pytest.approx(expected, rel=2e-14)
 
 
+@pytest.mark.parametrize("rate", [-0.6, -0.3])
+def test_root_that_is_hit_exactly_is_an_extremal(rate: float) -> None:
+    # The time taken equals the horizon to the last bit here, where a root finder stops without closing its bracket.
+    motion = Circle(radius=0.2, rate=rate, phase=math.pi / 2)
+    task = replace(paper_task(), motion=motion, duration=2 * math.pi / abs(rate))
+    assert minimum_work(task).work == pytest.approx(minimum_work(replace(task, duration=task.duration + 1e-9)).work)
+
+
 def random_task(seed: int) -> Task:
     """Any circle, point, friction, start and horizon from 0.3 to 1.5 laps."""
     random = np.random.default_rng(seed)
