@@ -129,6 +129,7 @@ class TestTorqueSpeedLine:
 class TestTorqueRate:
     """|dM/dt|: the torques are states then, and their rates the control."""
 
+    @pytest.mark.slow
     def test_binds_and_is_held(self) -> None:
         limit = 0.25
         task = paper_task(limits=Limits(torque_rate=limit))

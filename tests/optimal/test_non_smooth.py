@@ -76,7 +76,7 @@ def closed_form(name: str) -> float:
 class TestStraightWay:
     """Closed forms, with the sign of the power changing once."""
 
-    @pytest.mark.parametrize("formulation", ["reduced", "full"])
+    @pytest.mark.parametrize("formulation", ["reduced", pytest.param("full", marks=pytest.mark.slow)])
     @pytest.mark.parametrize("name", ["positive_work", "bus_work", "peak_torque"])
     def test_has_its_closed_form(self, name: str, formulation: str) -> None:
         solution = Collocation(objective=name, formulation=formulation).solve(STRAIGHT)
@@ -88,6 +88,7 @@ class TestStraightWay:
             # One of p and p - P vanishes at every node.
             assert solution.statistics["complementarity_W"] < 1e-3
 
+    @pytest.mark.slow
     def test_electric_energy_that_is_not_returned_is_better_spent_on_a_rotation(self) -> None:
         # The wheels brake with energy that would be lost: the straight way is no optimum, but nearly one.
         players = [Collocation(objective="electric_drawn", formulation=name) for name in ("reduced", "full")]
