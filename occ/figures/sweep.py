@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 LINEAR_UP_TO = 0.1
 """[%] Gaps below this are drawn on a linear scale, larger ones on a logarithmic one."""
+WIDE = 20.0
+"""Swept values whose extremes have a larger ratio are drawn on a logarithmic axis."""
+MOST_TICKS = 8
 
 
 def numeric_keys(stored: Stored) -> list[str]:
@@ -46,16 +49,21 @@ def value_figure(stored: Stored, item: Objective, key: str) -> Figure | None:
         return None
     figure, (panel,) = panels(6.2, [3.4], f"{plain_name(item).capitalize()} over {key}")
     handles = _curves(panel, stored, rows, key, item.column)
-    if _several_decades(rows[key]):
-        panel.set_xscale("log")
-    panel.set_xlabel(f"{key} [as in the experiment file]")
+    _key_axis(panel, rows[key])
     panel.set_ylabel(f"{plain_name(item)} [{plain_unit(item.unit)}]")
     legend_beside(panel, handles)
     return figure
 
 
-def _several_decades(values: pd.Series[float]) -> bool:
-    return bool(values.min() > 0 and values.max() > 20 * values.min())
+def _key_axis(panel: Axes, values: pd.Series[float]) -> None:
+    """The swept values along the axis; on a logarithmic one each of them has its tick."""
+    panel.set_xlabel(f"{values.name} [as in the experiment file]")
+    if values.min() > 0 and values.max() > WIDE * values.min():
+        panel.set_xscale("log")
+        ticks = sorted(values.unique())
+        panel.set_xticks(ticks[:: -(-len(ticks) // MOST_TICKS)])
+        panel.set_xticks([], minor=True)
+        panel.xaxis.set_major_formatter("{x:g}")
 
 
 def _curves(panel: Axes, stored: Stored, rows: pd.DataFrame, key: str, column: str) -> list[Line2D]:
@@ -95,7 +103,7 @@ def gap_figure(stored: Stored, item: Objective, key: str) -> Figure | None:
     if rows[column].abs().max() > 50 * LINEAR_UP_TO:
         panel.set_yscale("symlog", linthresh=LINEAR_UP_TO)
         panel.yaxis.set_major_formatter("{x:g}")
-    panel.set_xlabel(f"{key} [as in the experiment file]")
+    _key_axis(panel, rows[key])
     panel.set_ylabel("gap [%]")
     legend_beside(panel, handles)
     return figure

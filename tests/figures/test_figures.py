@@ -318,6 +318,15 @@ def test_gaps_of_several_sizes_have_plain_numbers_on_their_axis(tmp_path: Path) 
     assert {"0", "0.1", "1", "10", "100"} <= set(shown)
 
 
+def test_swept_values_of_several_sizes_are_the_ticks_of_their_axis(tmp_path: Path) -> None:
+    radii = [0.002, 0.005, 0.01, 0.05]
+    folder = store(tmp_path, [row("law", 80.0, case=str(x), **{"motion.radius": x}) for x in radii])
+    write_figures(folder)
+    shown = set(texts(folder / "figures" / "work-motion.radius.svg"))
+    assert {f"{x:g}" for x in radii} <= shown
+    assert not [text for text in shown if "$" in text]
+
+
 def test_no_mathematical_markup_is_shown_as_text(written: list[Path]) -> None:
     assert not [text for path in written for text in texts(path) if "$" in text]
 
