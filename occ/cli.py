@@ -106,7 +106,7 @@ def run(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Output folder; reports/<experiment name>/ by default.")
     ] = None,
-    settings: Settings = [],  # noqa: B006  (typer makes a new one for each call)
+    settings: Settings = [],
     allow_code: AllowCode = False,
     workers: Workers = 1,
     dask: Dask = None,
@@ -145,7 +145,7 @@ def atlas(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="DIR", help="Output folder; reports/<experiment name>/ by default.")
     ] = None,
-    settings: Settings = [],  # noqa: B006
+    settings: Settings = [],
     workers: Workers = 1,
     dask: Dask = None,
     time_limit: TimeLimit = None,
@@ -180,7 +180,7 @@ def atlas(
 
 
 @app.command()
-def check(experiment: File, settings: Settings = [], allow_code: AllowCode = False) -> None:  # noqa: B006
+def check(experiment: File, settings: Settings = [], allow_code: AllowCode = False) -> None:
     """Validate an experiment: one line per mistake.
 
     Exit codes: 0 no mistake; 2 mistakes.
@@ -195,7 +195,7 @@ def check(experiment: File, settings: Settings = [], allow_code: AllowCode = Fal
 @app.command()
 def circle(
     experiment: File,
-    settings: Settings = [],  # noqa: B006
+    settings: Settings = [],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
     allow_code: AllowCode = False,
 ) -> None:
@@ -244,8 +244,8 @@ def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder wi
 def paper(
     figures: Annotated[
         list[str], typer.Option("--figure", metavar="N ...", help="Figures from 3 to 10; all of them by default.")
-    ] = [],  # noqa: B006
-    more: Annotated[list[str], typer.Argument(metavar="N ...", hidden=True)] = [],  # noqa: B006
+    ] = [],
+    more: Annotated[list[str], typer.Argument(metavar="N ...", hidden=True)] = [],
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Output folder.")] = Path("reports/paper"),
 ) -> None:
     """Write the paper's figures 3 to 10 as SVG, and the data behind each as CSV."""
@@ -300,10 +300,10 @@ def export(
     ],
     wrt: Annotated[
         list[str], typer.Option(metavar="VAR...", help="Derivatives: an argument, parameters, or one of the platform.")
-    ] = [],  # noqa: B006  (typer makes a new one for each call)
+    ] = [],
     symbolic: Annotated[
         list[str], typer.Option(metavar="PARAM...", help="Numbers of the platform that stay arguments; or parameters.")
-    ] = [],  # noqa: B006
+    ] = [],
     platform: Annotated[
         str | None, typer.Option(metavar="FILE", help="TOML file with a table [platform], or a preset.")
     ] = None,

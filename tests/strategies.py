@@ -39,7 +39,7 @@ def youbot_overrides(draw: st.DrawFn) -> dict[str, Any]:
     factor = st.one_of(st.just(0.0), reals(0.5, 2.0))
     chosen |= {name: getattr(YOUBOT, name) * draw(factor) for name in may_vanish}
     chosen["mass_center"] = (draw(reals(-0.08, 0.08)), draw(reals(-0.08, 0.08)))
-    h, l = chosen["half_wheelbase"], chosen["half_track"]  # noqa: E741
+    h, l = chosen["half_wheelbase"], chosen["half_track"]
     offsets = yaw_inertia_of_offsets(chosen["platform_mass"], chosen["mass_center"], [(chosen["wheel_mass"], h, l)] * 4)
     chosen["yaw_inertia"] = offsets + draw(reals(0.3, 6.0))
     return chosen

@@ -23,7 +23,7 @@ def netcdf_bytes(dataset: xr.Dataset) -> bytes:
 
     Source: netCDF user's guide, appendix B: dimensions are HDF5 dimension scales, variables attach them.
     """
-    import h5py  # type: ignore[import-untyped]
+    import h5py
 
     content = io.BytesIO()
     with h5py.File(content, "w", track_order=True) as file:

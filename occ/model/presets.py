@@ -48,7 +48,7 @@ class YouBot:
 
     def platform(self) -> Platform:
         """The platform with wheels 1 to 4 as in Fig. 2: front left, front right, rear left, rear right."""
-        h, l = self.half_wheelbase, self.half_track  # noqa: E741  (the paper's symbols)
+        h, l = self.half_wheelbase, self.half_track
         corners = ((h, l, -1), (h, -l, 1), (-h, l, 1), (-h, -l, -1))
         wheels = tuple(
             Wheel(

@@ -25,7 +25,7 @@ class Symbols:
     a_Y: float
     mu_1: float
     mu_2: float
-    l: float  # noqa: E741  (the paper's symbol)
+    l: float
     h: float
     R: float
     r: float

@@ -108,7 +108,7 @@ class Stored:
         place = entry.get("trajectory")
         if not place or not (self.folder / place).is_file():
             return None
-        import h5py  # type: ignore[import-untyped]
+        import h5py
 
         with h5py.File(self.folder / place, "r") as file:
             data = {name: np.asarray(variable) for name, variable in file.items()}

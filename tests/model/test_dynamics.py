@@ -27,7 +27,7 @@ class Paper:
         n = numbers
         m, m_1, i_s, j_1 = n.platform_mass, n.wheel_mass, n.yaw_inertia, n.wheel_spin_inertia
         mu_1, mu_2 = n.wheel_friction, n.roller_friction
-        h, l, R, r = n.half_wheelbase, n.half_track, n.wheel_radius, n.roller_radius  # noqa: E741
+        h, l, R, r = n.half_wheelbase, n.half_track, n.wheel_radius, n.roller_radius
         self.m, (self.a_x, self.a_y) = m, n.mass_center
         self.lever, self.R = h + l, R
         self.zeta_x = 4 * mu_1 / R**2

@@ -30,7 +30,7 @@ Accelerations = Callable[[YouBot, float, np.ndarray, np.ndarray], np.ndarray]
 def accelerations() -> Accelerations:
     """(numbers, I_1, state (6,), torque (4,)) -> pi'' (3,)."""
     m, m_1, i_c, i_1, j_1 = sp.symbols("m m_1 I_C I_1 J_1")
-    a_x, a_y, mu_1, mu_2, h, l, R, r = sp.symbols("a_X a_Y mu_1 mu_2 h l R r")  # noqa: E741
+    a_x, a_y, mu_1, mu_2, h, l, R, r = sp.symbols("a_X a_Y mu_1 mu_2 h l R r")
     parameters = [m, m_1, i_c, i_1, j_1, a_x, a_y, mu_1, mu_2, h, l, R, r]
     x, y, psi = sp.symbols("x y psi")
     phi, gamma = sp.symbols("phi1:5"), sp.symbols("gamma1:5")

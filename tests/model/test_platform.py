@@ -206,7 +206,7 @@ class TestYouBot:
 
 class TestKinematics:
     def test_wheel_rates_are_the_matrix_c_phi_of_equation_2_4(self) -> None:
-        h, l, radius = 0.235, 0.150, 0.0475  # noqa: E741
+        h, l, radius = 0.235, 0.150, 0.0475
         c_phi = np.array([[1, -1, -h - l], [1, 1, l + h], [1, 1, -h - l], [1, -1, l + h]]) / radius
         platform = youbot()
         np.testing.assert_allclose(wheel_rate_matrix(platform), c_phi, rtol=1e-14)
