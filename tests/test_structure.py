@@ -13,7 +13,7 @@ import occ
 
 ROOT = Path(occ.__file__).parent
 LAYERS = (
-    ("errors", "checks", "numeric"),
+    ("errors", "checks", "numeric", "templates"),
     ("model", "motion", "trajectory"),
     ("control", "plant", "task"),
     ("objectives", "allocation"),

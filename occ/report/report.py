@@ -10,6 +10,7 @@ from occ.experiment.store import write_text
 from occ.report import contents, words
 from occ.report.stored import Stored, load
 from occ.report.tables import latex, markdown, markdown_text
+from occ.templates import render
 
 DETAILS = (
     (
@@ -63,31 +64,21 @@ def report_text(stored: Stored, figures: Sequence[tuple[str, str]] = ()) -> str:
     Returns:
         Markdown without dates and times of run: the same results make the same bytes.
     """
-    import jinja2
-
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent),
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        keep_trailing_newline=True,
-        autoescape=False,
-    )
-    environment.filters |= {"table": markdown, "text": markdown_text}
     details = [(heading, text, contents.detail_table(stored, heading, fields)) for heading, text, fields in DETAILS]
-    return environment.get_template("report.md.j2").render(
-        title=markdown_text(stored.title),
-        keeps={row["keep"] for row in stored.records()},
-        question=markdown_text(stored.question),
-        answer_tables=contents.answer_tables(stored),
-        answer=words.answer(stored),
-        peak_notes=words.peak_notes(stored),
-        not_ok=contents.not_ok_table(stored),
-        notes=contents.notes_table(stored),
-        details=details,
-        figures=figures,
-        setup=[(name, _setup_text(stored.experiment[name])) for name in SETUP if stored.experiment.get(name)],
-    )
+    values = {
+        "title": markdown_text(stored.title),
+        "keeps": {row["keep"] for row in stored.records()},
+        "question": markdown_text(stored.question),
+        "answer_tables": contents.answer_tables(stored),
+        "answer": words.answer(stored),
+        "peak_notes": words.peak_notes(stored),
+        "not_ok": contents.not_ok_table(stored),
+        "notes": contents.notes_table(stored),
+        "details": details,
+        "figures": figures,
+        "setup": [(name, _setup_text(stored.experiment[name])) for name in SETUP if stored.experiment.get(name)],
+    }
+    return render(Path(__file__).parent / "report.md.j2", values, {"table": markdown, "text": markdown_text})
 
 
 def _setup_text(values: dict[str, Any]) -> str:
