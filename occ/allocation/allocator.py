@@ -1,4 +1,4 @@
-"""One allocation for a platform: criterion, limits, and what happens to a wrench out of reach."""
+"""Every allocation comes in here: of given wrenches, or along the motions of a platform with limits and a rule."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occ.allocation import closed_form, many_wheels
+from occ.allocation import closed_form
 from occ.allocation.criteria import LEAST_NORM, Criterion
 from occ.allocation.input_map import InputMap
 from occ.allocation.out_of_reach import Rule, nearest_wrench
@@ -16,8 +16,13 @@ from occ.task import Limits
 
 
 def solve(asked: Question) -> Allocation:
-    """The best allocation of checked arguments, by the closed form where there is one."""
-    return closed_form.solve(asked) if asked.wheels.wheel_count <= 4 else many_wheels.solve(asked)
+    """The best allocation of checked arguments: in closed form up to four wheels, and by the criterion for more."""
+    if asked.wheels.wheel_count <= 4:
+        return closed_form.solve(asked)
+    answer = asked.answer(asked.criterion.of_many(asked))
+    # What no torque was found for although the facets say that there is one has failed.
+    lost = answer.reachable & np.isnan(answer.torque).any(axis=0)
+    return asked.answer(answer.torque, lost) if lost.any() else answer
 
 
 def allocate(
@@ -37,7 +42,7 @@ def allocate(
         rates: (n, N) [rad/s] phi', where f asks for them.
 
     Returns:
-        The allocation; NaN torques where the wrench is out of reach.
+        The allocation; NaN torques where the wrench is out of reach, ``failed`` where nothing could be shown.
 
     Raises:
         InputError: arguments that cannot be meant; names what is wrong and what would be right.

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from occ.allocation.criteria import LEAST_NORM, NO_EFFECT, Criterion
-from occ.allocation.input_map import InputMap
-from occ.allocation.ranges import TorqueRange
-from occ.allocation.result import Allocation, Question, question
+from occ.allocation.criteria.slopes import NO_EFFECT
+from occ.allocation.result import Allocation, Question
 from occ.errors import InputError
 
+BATCH = 8192
+"""Samples that are solved at a time: so few that they stay in the cache, so many that the calls do not count."""
 
-def allocate(
-    wheels: InputMap,
-    wrench: np.ndarray,
-    limits: float | TorqueRange,
-    criterion: Criterion = LEAST_NORM,
-    rates: np.ndarray | None = None,
-) -> Allocation:
+
+def solve(asked: Question) -> Allocation:
     """min f(M_min + nu n) over the nu with lower_i <= M_min,i + nu n_i <= upper_i for every wheel.
 
     f is convex along nu, so that the best admissible nu is the best one of all, clipped to the interval of the
@@ -25,28 +20,24 @@ def allocate(
     torque, and their only torques are either within the limits or not.
 
     Args:
-        wheels: input map of three or four wheels.
-        wrench: (3, N) [N, N, N m].
-        limits: one limit [N m] of every wheel, or a range of each.
-        criterion: f.
-        rates: (n, N) [rad/s] phi', where f asks for them.
+        asked: about three or four wheels.
 
     Returns:
         The allocation; NaN torques where the wrench is out of reach.
 
     Raises:
-        InputError: more than four wheels, or arguments that cannot be meant.
+        InputError: more than four wheels.
     """
-    return solve(question(wheels, wrench, limits, criterion, rates))
+    if asked.wheels.wheel_count > 4:
+        raise InputError(f"the closed form is for three or four wheels, not {asked.wheels.wheel_count}")
+    count = asked.min_norm.shape[1]
+    if count <= BATCH:
+        return _solve(asked)
+    return Allocation.joined([_solve(asked.of(slice(k, k + BATCH))) for k in range(0, count, BATCH)])
 
 
-def solve(asked: Question) -> Allocation:
-    """The same with checked arguments."""
+def _solve(asked: Question) -> Allocation:
     wheels, m = asked.wheels, asked.min_norm
-    if wheels.wheel_count > 4:
-        raise InputError(
-            f"the closed form is for three or four wheels, not {wheels.wheel_count}; should be the one for many wheels"
-        )
     if wheels.wheel_count == 3:
         return asked.answer(m)
     null = wheels.null_torque[:, 0]
@@ -56,17 +47,14 @@ def solve(asked: Question) -> Allocation:
     first, last = asked.criterion.best_null(wheels, m, asked.rates)
     nu = np.minimum(np.maximum(first, 0.0), last)
     nu = np.minimum(np.maximum(nu, low), high)
-    gap = low - high
-    if gap.max(initial=-np.inf) > 0 or not moved.all():
-        # At the border of reach rounding may exchange the ends of what is a point.
-        nu = np.where(gap > 0, (low + high) / 2, nu)
-        return asked.answer(m + null[:, None] * nu)
-    count = len(gap)
+    # At the border of reach rounding may exchange the ends of what is a point: the zonotope decides what it is.
+    doubtful = np.flatnonzero(low > high) if moved.all() else np.arange(len(low))
     torque = null[:, None] * nu
     torque += m
-    return Allocation(
-        torque, np.ones(count, dtype=bool), np.zeros(count), np.full(count, -1), np.zeros(count, dtype=bool)
-    )
+    found = Allocation.of_all(torque)
+    if doubtful.size:
+        found.put(doubtful, asked.of(doubtful).answer(torque[:, doubtful]))
+    return found
 
 
 def _interval(

@@ -6,17 +6,17 @@ proves it; everything else has failed, whatever the solver's status.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from occ.allocation.criteria import LEAST_NORM, Criterion, ElectricPower, LargestTorque, WeightedNorm
+from occ.allocation.criteria import LEAST_NORM, Criterion
+from occ.allocation.criteria.base import Programme
 from occ.allocation.input_map import InputMap
 from occ.allocation.ranges import NO_LIMIT, TorqueRange
 from occ.allocation.reach import tolerance
 from occ.allocation.residuals import certified, proven_excess, residuals
 from occ.allocation.result import Allocation, Question, question
-from occ.errors import InputError
 
 NEAR_LIMIT = 1e-5
 """A wheel this near to its limit, relative to it, is tried on it where the solver's own polishing has failed."""
@@ -36,18 +36,6 @@ SETTINGS: dict[str, Any] = {
     "warm_starting": True,
     "verbose": False,
 }
-
-
-class _Programme(NamedTuple):
-    """min z P z / 2 + q z, l <= A z <= u: P, A fixed; q, l, u (.., N) of all samples; the first n of z are torques."""
-
-    quadratic: np.ndarray
-    rows: np.ndarray
-    linear: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    # The multipliers of f are those of the programme times this.
-    value_unit: np.ndarray
 
 
 class OsqpAllocator:
@@ -98,6 +86,8 @@ class OsqpAllocator:
             tried = _on_limits(one, torque[:, [k]])
             if certified(one, tried).prove[0]:
                 torque[:, k], good[k] = tried[:, 0], True
+        for k in np.flatnonzero(~good & np.isfinite(certificate).all(axis=0)):
+            certificate[:, k] = _off_unlimited(asked.of(np.array([k])), certificate[:, k])
         lacking = proven_excess(self.wheels, asked.wrench, asked.ranges, certificate)
         impossible = ~good & (lacking > tolerance(asked.min_norm))
         found = asked.answer(torque, ~good & ~impossible)
@@ -131,48 +121,20 @@ class OsqpAllocator:
         return solutions[:wheels] * unit, equations[:, :samples], equations[:, samples:]
 
 
-def _programme(asked: Question, unit: np.ndarray, q: np.ndarray, r: np.ndarray) -> _Programme:
-    """The quadratic programme of a criterion, for torques in units of `unit` (N,) [N m]."""
-    criterion, (n, count) = asked.criterion, asked.min_norm.shape
+def _programme(asked: Question, unit: np.ndarray, q: np.ndarray, r: np.ndarray) -> Programme:
+    """The criterion's programme with the rows of wrench and limits before its own."""
+    n = asked.wheels.wheel_count
+    own = asked.criterion.programme(asked.rates, unit)
+    rows = np.zeros((3 + n, len(own.quadratic)))
+    rows[:, :n] = np.vstack([q.T, np.eye(n)])
     right = np.linalg.solve(r.T, asked.wrench) / unit
-    lower, upper = (np.clip(b / unit, -FAR, FAR) for b in (asked.ranges.lower, asked.ranges.upper))
-    one, zero, none = np.eye(n), np.zeros((n, n)), np.full((n, count), np.inf)
-    boxed = (
-        np.vstack([right, np.broadcast_to(lower, (n, count))]),
-        np.vstack([right, np.broadcast_to(upper, (n, count))]),
+    lower, upper = (bound / unit for bound in asked.bounds)
+    lower, upper = np.where(lower < -FAR, -np.inf, lower), np.where(upper > FAR, np.inf, upper)
+    return own._replace(
+        rows=np.vstack([rows, own.rows]),
+        low=np.vstack([right, lower, own.low]),
+        high=np.vstack([right, upper, own.high]),
     )
-    if isinstance(criterion, WeightedNorm):
-        weight = 2 * criterion.of(n)[:, 0]
-        return _Programme(weight, np.vstack([q.T, one]), np.zeros((n, count)), *boxed, unit**2)
-    if isinstance(criterion, LargestTorque):
-        # z = (M, t): M_i - t <= 0 <= M_i + t.
-        columns = np.vstack([np.zeros((3 + n, 1)), -np.ones((n, 1)), np.ones((n, 1))])
-        rows = np.hstack([np.vstack([q.T, one, one, one]), columns])
-        linear = np.vstack([np.zeros((n, count)), np.ones((1, count))])
-        flat = np.zeros((n, count))
-        return _Programme(
-            np.zeros(n + 1),
-            rows,
-            linear,
-            np.vstack([boxed[0], -none, flat]),
-            np.vstack([boxed[1], flat, none]),
-            unit,
-        )
-    if isinstance(criterion, ElectricPower):
-        # z = (M, d): d_i >= 0, M_i - d_i <= idle_high, M_i + d_i >= idle_low; f = sum k d_i^2 + |phi_i'| d_i.
-        rates = np.broadcast_to(asked.rates, (n, count))
-        idle = np.sort([np.zeros((n, count)), -rates / (criterion.loss * unit)], axis=0)
-        rows = np.block([[q.T, np.zeros((3, n))], [one, zero], [one, -one], [one, one], [zero, one]])
-        linear = np.vstack([np.zeros((n, count)), np.abs(rates) / (criterion.loss * unit)])
-        return _Programme(
-            np.concatenate([np.zeros(n), np.full(n, 2.0)]),
-            rows,
-            linear,
-            np.vstack([boxed[0], -none, idle[0], np.zeros((n, count))]),
-            np.vstack([boxed[1], idle[1], none, none]),
-            criterion.loss * unit**2,
-        )
-    raise InputError(f"no quadratic programme of {type(criterion).__name__}")
 
 
 def _on_limits(asked: Question, torque: np.ndarray) -> np.ndarray:
@@ -186,3 +148,12 @@ def _on_limits(asked: Question, torque: np.ndarray) -> np.ndarray:
         return torque
     nu = np.linalg.lstsq(null[held], (goal - asked.min_norm)[held], rcond=None)[0]
     return asked.min_norm + null @ nu
+
+
+def _off_unlimited(asked: Question, certificate: np.ndarray) -> np.ndarray:
+    """The certificate (3,) of one sample that does not load the wheels without a limit, which it may by rounding."""
+    rows = asked.wheels.wheel_rates @ certificate
+    most = np.where(rows > 0, asked.ranges.upper[:, 0], -asked.ranges.lower[:, 0])
+    loose = (most >= NO_LIMIT) & (np.abs(rows) < NEAR_LIMIT * np.abs(rows).max())
+    wheels = asked.wheels.wheel_rates[loose]
+    return certificate - np.linalg.lstsq(wheels, rows[loose], rcond=None)[0] if loose.any() else certificate

@@ -65,8 +65,8 @@ def torque_range(limits: Limits, rates: np.ndarray) -> TorqueRange:
         The range at each sample.
     """
     parts = limit_parts(limits, rates)
-    if not parts:
-        return box(NO_LIMIT, len(rates))
+    if len(parts) < 2:
+        return next(iter(parts.values()), box(NO_LIMIT, len(rates)))
     lower = np.max([part.lower for part in parts.values()], axis=0)
     upper = np.min([part.upper for part in parts.values()], axis=0)
     crossed = lower > upper

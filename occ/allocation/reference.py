@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from occ.allocation.criteria import LEAST_NORM, Criterion, ElectricPower, LargestTorque, WeightedNorm
+from occ.allocation.criteria import LEAST_NORM, Criterion
 from occ.allocation.input_map import InputMap
 from occ.allocation.ranges import TorqueRange
 from occ.allocation.result import question
-from occ.errors import InputError
 
 FAR = 100.0
 """Limits beyond so many times the torques are left out."""
@@ -50,22 +49,7 @@ class Reference:
         self._torque = cp.Variable(n)
         self._made = wheels.wheel_rates.T @ self._torque == self._wrench
         within = [self._torque >= self._lower, self._torque <= self._upper]
-        self._problem = cp.Problem(cp.Minimize(self._objective(self._torque)), [self._made, *within])
-
-    def _objective(self, torque: Any) -> Any:
-        """f as one would write it on paper."""
-        import cvxpy as cp
-
-        match self.criterion:
-            case WeightedNorm() as norm:
-                return cp.sum(cp.multiply(norm.of(self.wheels.wheel_count)[:, 0], cp.square(torque)))
-            case LargestTorque():
-                return cp.norm_inf(torque)
-            case ElectricPower(loss=loss):
-                power = cp.multiply(self._rates, torque) + loss * cp.square(torque)
-                return cp.sum(cp.pos(power))
-            case _:
-                raise InputError(f"no reference for {type(self.criterion).__name__}")
+        self._problem = cp.Problem(cp.Minimize(criterion.written(self._torque, self._rates)), [self._made, *within])
 
     def solve(self, wrench: np.ndarray, limits: float | TorqueRange, rates: np.ndarray | None = None) -> Written:
         """One wrench.

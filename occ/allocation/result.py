@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from occ.allocation.criteria import Criterion
+from occ.allocation.criteria.base import Criterion
 from occ.allocation.input_map import InputMap
 from occ.allocation.ranges import TorqueRange, checked_range
 from occ.allocation.reach import tolerance, zonotope
@@ -31,6 +32,23 @@ class Allocation:
     wheel: np.ndarray
     failed: np.ndarray
 
+    @classmethod
+    def of_all(cls, torque: np.ndarray) -> Allocation:
+        """Torques (n, N) of wrenches that are all in reach."""
+        count = torque.shape[1]
+        nothing = np.zeros(count, dtype=bool)
+        return cls(torque, ~nothing, np.zeros(count), np.full(count, -1), nothing)
+
+    def put(self, which: np.ndarray, part: Allocation) -> None:
+        """Replace the allocations of some samples."""
+        for field in fields(self):
+            getattr(self, field.name)[..., which] = getattr(part, field.name)
+
+    @classmethod
+    def joined(cls, parts: Sequence[Allocation]) -> Allocation:
+        """The allocations of several batches of samples as one."""
+        return cls(*(np.concatenate([getattr(part, field.name) for part in parts], axis=-1) for field in fields(cls)))
+
 
 @dataclass(frozen=True, eq=False)
 class Question:
@@ -52,6 +70,12 @@ class Question:
     criterion: Criterion
     rates: np.ndarray
 
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n, N) and (n, N) [N m] lower and upper limits of each sample, to be read only."""
+        lower, upper = (np.broadcast_to(end, self.min_norm.shape) for end in (self.ranges.lower, self.ranges.upper))
+        return lower, upper
+
     def answer(self, torque: np.ndarray, failed: np.ndarray | None = None) -> Allocation:
         """The result for given torques (n, N): reach, excess and wheel follow from the wrenches alone."""
         reach = zonotope(self.wheels)
@@ -65,7 +89,7 @@ class Question:
         torque = np.where(reachable & ~failed, torque, np.nan)
         return Allocation(torque, reachable & ~failed, np.where(reachable, 0.0, excess), wheel, failed)
 
-    def of(self, which: np.ndarray) -> Question:
+    def of(self, which: np.ndarray | slice) -> Question:
         """The same about some of the samples."""
         rates = self.rates if self.rates.shape[1] == 1 else self.rates[:, which]
         return Question(

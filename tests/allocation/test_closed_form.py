@@ -16,16 +16,16 @@ from occ.allocation import (
     TorqueRange,
     WeightedNorm,
     allocate,
-    closed_form,
     input_map,
-    many_wheels,
     platform_input_map,
 )
+from occ.allocation.allocator import solve
+from occ.allocation.ranges import box
 from occ.allocation.reach import zonotope
-from occ.allocation.reference import Reference
 from occ.allocation.residuals import certified, proven_excess
 from occ.allocation.result import question
 from occ.model.platform import Platform
+from tests.allocation import wrenches
 from tests.allocation.wrenches import (
     by_vertices,
     law_samples,
@@ -37,13 +37,7 @@ from tests.allocation.wrenches import (
 )
 from tests.strategies import reals, wheeled_platforms
 
-CRITERIA = [
-    pytest.param(LEAST_NORM, id="norm"),
-    pytest.param(WeightedNorm((1.0, 4.0, 0.3, 2.0)), id="weighted"),
-    pytest.param(LargestTorque(), id="largest"),
-    pytest.param(ElectricPower(), id="electric"),
-    pytest.param(ElectricPower(1e-3), id="almost lossless"),
-]
+CRITERIA = [*wrenches.CRITERIA, pytest.param(ElectricPower(1e-3), id="almost lossless")]
 
 
 def skewed_map() -> InputMap:
@@ -57,48 +51,43 @@ class TestBruteForce:
 
     @pytest.mark.parametrize("criterion", CRITERIA)
     @pytest.mark.parametrize("wheels", [youbot_map(), skewed_map()], ids=["youbot", "skewed"])
-    def test_best_torques_within_ranges(self, wheels: InputMap, criterion: Criterion) -> None:
-        count = 120
+    @pytest.mark.parametrize("count", [3000, pytest.param(100_000, marks=pytest.mark.slow)])
+    def test_best_torques_within_ranges(self, wheels: InputMap, criterion: Criterion, count: int) -> None:
         wrench, ranges, rates = (
             random_wrenches(wheels, 1.0, count, 1),
             random_ranges(wheels, count, 2),
             random_rates(count, 3),
         )
-        found = closed_form.allocate(wheels, wrench, ranges, criterion, rates)
+        found = allocate(wheels, wrench, ranges, criterion, rates)
         assert 0.2 < found.reachable.mean() < 0.9
-        held = 0
-        for k in range(count):
-            best = by_vertices(wheels, wrench[:, k], ranges.lower[:, k], ranges.upper[:, k], rates[:, k], criterion)
-            assert found.reachable[k] == (best is not None)
-            if best is not None:
-                torque = found.torque[:, k]
-                values = criterion.value(np.column_stack([torque, best]), rates[:, [k, k]])
-                assert values[0] == pytest.approx(values[1], rel=1e-9, abs=1e-12)
-                # Where power is all but flat, values tell more than torques do.
-                if not isinstance(criterion, ElectricPower):
-                    np.testing.assert_allclose(torque, best, atol=1e-8)
-                held += bool(ranges.of(np.array([k])).side(torque[:, None]).any())
-        assert held > 10
+        for k in range(0, count, 4000):
+            few = slice(k, k + 4000)
+            best = by_vertices(wheels, wrench[:, few], ranges.of(few), rates[:, few], criterion)
+            reachable = found.reachable[few]
+            assert np.array_equal(reachable, np.isfinite(best[0]))
+            torque, best, own = found.torque[:, few][:, reachable], best[:, reachable], rates[:, few][:, reachable]
+            np.testing.assert_allclose(criterion.value(torque, own), criterion.value(best, own), rtol=1e-9, atol=1e-12)
+            # A minimum is flat: equal values leave torques open to the root of rounding, and power is flatter still.
+            if not isinstance(criterion, ElectricPower):
+                np.testing.assert_allclose(torque, best, atol=1e-7)
+            assert ranges.of(few).of(reachable).side(torque).any(axis=0).mean() > 0.2
 
     @settings(max_examples=6)
     @given(platform=wheeled_platforms(4, 4), limit=reals(0.1, 5.0), seed=st.integers(0, 1000))
     def test_any_four_wheels(self, platform: Platform, limit: float, seed: int) -> None:
         wheels = platform_input_map(platform)
-        wrench = random_wrenches(wheels, limit, 12, seed)
-        found = closed_form.allocate(wheels, wrench, limit)
-        box, rates = np.full(4, limit), np.zeros(4)
-        for k in range(12):
-            best = by_vertices(wheels, wrench[:, k], -box, box, rates, LEAST_NORM)
-            assert found.reachable[k] == (best is not None)
-            if best is not None:
-                np.testing.assert_allclose(found.torque[:, k], best, atol=1e-8 * limit)
+        wrench = random_wrenches(wheels, limit, 200, seed)
+        found = allocate(wheels, wrench, limit)
+        best = by_vertices(wheels, wrench, box(limit, 4), np.zeros((4, 200)), LEAST_NORM)
+        assert np.array_equal(found.reachable, np.isfinite(best[0]))
+        np.testing.assert_allclose(found.torque, best, atol=1e-8 * limit)
 
     def test_of_several_best_torques_the_least_norm(self) -> None:
         # Braking: every wheel gives power back for a whole interval of nu, and all of these cost nothing.
         wheels = youbot_map()
         rates = np.full((4, 1), 8.0)
         torque = np.array([[-0.5, -1.0, -0.7, -0.3]]).T
-        found = closed_form.allocate(wheels, wheels.wrench(torque), 5.0, ElectricPower(), rates)
+        found = allocate(wheels, wheels.wrench(torque), 5.0, ElectricPower(), rates)
         low, high = ElectricPower().best_null(wheels, wheels.min_norm @ wheels.wrench(torque), rates)
         assert low[0] < 0 < high[0]
         np.testing.assert_allclose(found.torque, wheels.min_norm @ wheels.wrench(torque), atol=1e-15)
@@ -113,7 +102,7 @@ class TestCertificates:
         wrench, ranges = random_wrenches(wheels, 1.0, count, 5), random_ranges(wheels, count, 6)
         rates = random_rates(count, 7)
         asked = question(wheels, wrench, ranges, criterion, rates)
-        found = closed_form.solve(asked)
+        found = solve(asked)
         assert 0.3 < found.reachable.mean() < 0.7
         assert not found.failed.any()
         proof = certified(asked.of(found.reachable), found.torque[:, found.reachable])
@@ -125,7 +114,7 @@ class TestCertificates:
     def test_every_wrench_out_of_reach_is_proven_to_be(self) -> None:
         wheels, count = youbot_map(), 100_000
         wrench, ranges = random_wrenches(wheels, 1.0, count, 5), random_ranges(wheels, count, 6)
-        found = closed_form.allocate(wheels, wrench, ranges)
+        found = allocate(wheels, wrench, ranges)
         out = ~found.reachable
         excess, row = zonotope(wheels).excess(wheels.min_norm @ wrench, ranges)
         normals = zonotope(wheels).normals[row].T
@@ -138,7 +127,7 @@ class TestCertificates:
     def test_on_the_law(self, criterion: Criterion) -> None:
         wrench, rates = law_samples(2000)
         asked = question(youbot_map(), wrench, 1.0, criterion, rates)
-        found = closed_form.solve(asked)
+        found = solve(asked)
         assert found.reachable.all()
         assert certified(asked, found.torque).largest.max() < 1e-9
 
@@ -147,7 +136,7 @@ class TestCertificates:
         wheels = youbot_map()
         wrench, rates = law_samples(200)
         asked = question(wheels, wrench, 1.0, criterion, rates)
-        torque = closed_form.solve(asked).torque
+        torque = solve(asked).torque
         force = criterion.multipliers(wheels, torque, asked.ranges, rates)
         rng = np.random.default_rng(0)
         value = criterion.value(torque, rates)
@@ -176,13 +165,13 @@ class TestPeaks:
     @pytest.mark.parametrize(("criterion", "peak"), [(LEAST_NORM, 1.230), (LargestTorque(), 0.971)])
     def test_of_the_law(self, criterion: Criterion, peak: float) -> None:
         # mathematics, section 7.
-        found = closed_form.allocate(youbot_map(), law_wrenches(5000), 10.0, criterion)
+        found = allocate(youbot_map(), law_wrenches(5000), 10.0, criterion)
         assert np.abs(found.torque).max() == pytest.approx(peak, abs=5e-4)
 
     def test_each_is_best_in_its_own_measure(self) -> None:
         wrench, rates = law_samples(400)
         criteria = [parameter.values[0] for parameter in CRITERIA]
-        torques = [closed_form.allocate(youbot_map(), wrench, 1.0, item, rates).torque for item in criteria]
+        torques = [allocate(youbot_map(), wrench, 1.0, item, rates).torque for item in criteria]
         for criterion, own in zip(criteria, torques, strict=True):
             for other in torques:
                 assert np.all(criterion.value(own, rates) <= criterion.value(other, rates) + 1e-12)
@@ -196,7 +185,7 @@ class TestReach:
         wheels = youbot_map()
         wrench = random_wrenches(wheels, 1.0, 60, 2)
         ranges = random_ranges(wheels, 60, 8)
-        found = closed_form.allocate(wheels, wrench, ranges)
+        found = allocate(wheels, wrench, ranges)
         assert np.all(found.excess[found.reachable] == 0.0)
         assert np.all(found.wheel[found.reachable] == -1)
         for k in np.flatnonzero(~found.reachable):
@@ -204,10 +193,10 @@ class TestReach:
             own, excess = ranges.of(np.array([k])), found.excess[k]
             for part, enough in ((1 + 1e-6, True), (1 - 1e-6, False)):
                 wider = TorqueRange(own.lower - part * excess, own.upper + part * excess)
-                assert closed_form.allocate(wheels, wrench[:, [k]], wider).reachable.all() == enough
+                assert allocate(wheels, wrench[:, [k]], wider).reachable.all() == enough
             # With just enough the named wheel is on its limit.
             wider = TorqueRange(own.lower - excess, own.upper + excess)
-            at_least = closed_form.allocate(wheels, wrench[:, [k]], wider).torque
+            at_least = allocate(wheels, wrench[:, [k]], wider).torque
             gap = np.minimum(wider.upper - at_least, at_least - wider.lower)[found.wheel[k], 0]
             assert gap == pytest.approx(0.0, abs=1e-8)
 
@@ -218,16 +207,16 @@ class TestReach:
         for k in range(30):
             least = float(wheels.least_peak(wheels.min_norm @ wrench[:, [k]])[0])
             asked = question(wheels, wrench[:, [k]], least, criterion, rates[:, [k]])
-            found = closed_form.solve(asked)
+            found = solve(asked)
             assert found.reachable.all()
             assert np.abs(found.torque).max() == pytest.approx(least, rel=1e-12)
             assert certified(asked, found.torque).prove.all()
-            assert not closed_form.allocate(wheels, wrench[:, [k]], least * (1 - 1e-6)).reachable.any()
+            assert not allocate(wheels, wrench[:, [k]], least * (1 - 1e-6)).reachable.any()
 
     def test_no_wrench_needs_no_torque(self) -> None:
         for criterion in (LEAST_NORM, LargestTorque()):
-            assert np.all(closed_form.allocate(youbot_map(), np.zeros((3, 2)), 0.1, criterion).torque == 0.0)
-        assert closed_form.allocate(youbot_map(), np.zeros((3, 0)), 0.1).torque.shape == (4, 0)
+            assert np.all(allocate(youbot_map(), np.zeros((3, 2)), 0.1, criterion).torque == 0.0)
+        assert allocate(youbot_map(), np.zeros((3, 0)), 0.1).torque.shape == (4, 0)
 
     def test_wheel_that_the_null_torque_does_not_move(self) -> None:
         # Wheels 1 to 3 are parallel along X and in balance; wheel 4 alone pushes along Y.
@@ -236,7 +225,7 @@ class TestReach:
         wrench = np.array([[3.0, 0, 0], [0.5, 1.2, 0.5], [0, 0, 1.0]]).T
         for criterion in (LEAST_NORM, LargestTorque(), ElectricPower()):
             asked = question(wheels, wrench, 1.0, criterion, np.ones((4, 3)))
-            found = closed_form.solve(asked)
+            found = solve(asked)
             assert found.reachable.tolist() == [True, False, True]
             assert found.wheel.tolist() == [-1, 3, -1]
             assert found.excess[1] == pytest.approx(0.2)
@@ -248,7 +237,7 @@ class TestReach:
         wheels = input_map(np.column_stack([np.sin(angles), -np.cos(angles), np.full(3, 0.2)]) / 0.05)
         torque = np.array([[1.0, 0.3], [-0.4, 1.3], [0.2, -0.1]])
         asked = question(wheels, wheels.wrench(torque), 1.1, criterion, np.ones((3, 2)))
-        found = closed_form.solve(asked)
+        found = solve(asked)
         np.testing.assert_allclose(found.torque[:, 0], torque[:, 0], atol=1e-14)
         assert found.reachable.tolist() == [True, False]
         assert found.wheel.tolist() == [-1, 1]
@@ -264,7 +253,8 @@ class TestManyWheels:
         wheels, count = skewed_map(), 60
         wrench, rates = random_wrenches(wheels, 1.0, count, 9), random_rates(count, 10)
         ranges = random_ranges(wheels, count, 11)
-        one, other = (way.allocate(wheels, wrench, ranges, criterion, rates) for way in (closed_form, many_wheels))
+        asked = question(wheels, wrench, ranges, criterion, rates)
+        one, other = solve(asked), asked.answer(criterion.of_many(asked))
         assert np.array_equal(one.reachable, other.reachable)
         np.testing.assert_allclose(one.torque, other.torque, atol=1e-8)
 
@@ -283,18 +273,3 @@ class TestManyWheels:
             assert not found.failed.any()
             proof = certified(asked.of(found.reachable), found.torque[:, found.reachable])
             assert proof.largest.max(initial=0.0) < 1e-9
-
-    @pytest.mark.parametrize("count", [5, 6])
-    def test_electric_power_of_many_wheels(self, count: int) -> None:
-        rng = np.random.default_rng(count)
-        wheels = input_map(rng.normal(size=(count, 3)) * [20.0, 20.0, 6.0])
-        wrench, rates = random_wrenches(wheels, 1.0, 12, count), rng.normal(size=(count, 12)) * 5
-        criterion = ElectricPower()
-        found = allocate(wheels, wrench, 1.0, criterion, rates)
-        written = Reference(wheels, criterion)
-        for k in range(12):
-            answer = written.solve(wrench[:, k], 1.0, rates[:, k])
-            assert (answer.torque is not None) == found.reachable[k]
-            if answer.torque is not None:
-                value = criterion.value(found.torque[:, [k]], rates[:, [k]])[0]
-                assert value == pytest.approx(answer.value, rel=1e-7, abs=1e-9)

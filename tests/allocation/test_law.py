@@ -4,16 +4,24 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any, get_args
 
 import numpy as np
-import osqp
 import pytest
 from scipy.integrate import quad_vec
 from scipy.optimize import brentq, minimize_scalar
 
-from occ.allocation import BoxQp, Copper, Electric, MinMax, MinNorm, Weighted, platform_input_map, realised
+from occ.allocation import (
+    BoxQp,
+    Copper,
+    Electric,
+    ElectricPower,
+    MinMax,
+    MinNorm,
+    Weighted,
+    platform_input_map,
+    realised,
+)
 from occ.allocation.out_of_reach import Rule
 from occ.allocation.realised import change_times, peak_times
 from occ.errors import Status
@@ -215,17 +223,17 @@ class TestWheelSets:
         assert record.measures["work_J"] == pytest.approx(free["work_J"], rel=1e-9)
         assert record.measures["torque_squared_N2m2s"] > free["torque_squared_N2m2s"]
 
-    def test_lying_solver_is_a_failed_row(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        # Electric power of five wheels is OSQP's.
+    @pytest.mark.parametrize(
+        ("said", "words"),
+        [(np.nan, "neither a torque nor its impossibility"), (0.3, "fails its recomputed residuals")],
+    )
+    def test_no_word_of_many_wheels_is_believed(self, monkeypatch: pytest.MonkeyPatch, said: float, words: str) -> None:
         task = paper_task(1.0, platform=omni(5), limits=Limits(torque=50.0))
-        law = ServoLaw(allocation=Electric())
-        for x, certificate in ((np.full(10, 0.3), None), (np.full(10, np.nan), np.arange(23.0))):
-            said = SimpleNamespace(x=x, y=np.zeros(23), prim_inf_cert=certificate)
-            monkeypatch.setattr(osqp.OSQP, "solve", lambda self, raise_error=None, said=said: said)
-            solution = law.solve(task)
-            assert solution.status is Status.FAILED
-            assert "neither a torque nor its impossibility" in solution.message
-            assert judge(task, solution).status is Status.FAILED
+        monkeypatch.setattr(ElectricPower, "of_many", lambda self, asked: np.full_like(asked.min_norm, said))
+        solution = ServoLaw(allocation=Electric()).solve(task)
+        assert solution.status is Status.FAILED
+        assert words in solution.message
+        assert judge(task, solution).status is Status.FAILED
 
     @pytest.mark.parametrize("allocation", [BoxQp(), MinMax(), Electric(), Weighted(weights=(1.0, 2.0, 3.0, 4.0))])
     def test_wrong_allocation_is_a_failed_row(self, monkeypatch: pytest.MonkeyPatch, allocation: Any) -> None:

@@ -92,3 +92,57 @@ class TestOption:
         experiment = load_experiment(ROOT / "experiments" / f"{name}.toml")
         assert experiment.cases
         assert all(case.players()["servo law box"] == BOX for case in experiment.cases)
+
+
+PARALLEL = """\
+preset = "wheels"
+platform_mass = 20.0
+mass_center = [0.0, 0.0]
+yaw_inertia = 3.0
+""" + "".join(
+    f"""
+[[platform.wheels]]
+position = [{x}, 0.2]
+mounting_angle = 0.0
+roller_angle = 0.7853981633974483
+radius = 0.05
+roller_radius = 0.01
+mass = 1.0
+spin_inertia = 0.003
+friction = 0.05
+roller_friction = 0.0
+"""
+    for x in (-0.2, 0.1, 0.2)
+)
+
+
+class TestBadExperiments:
+    """Limits and wheel sets that cannot be meant: one line each, from `occ check` and `occ run` alike."""
+
+    @pytest.mark.parametrize(
+        ("limits", "words"),
+        [
+            ("torque = -1.0", ["limits.torque: out of range (-1.0)", "greater than 0"]),
+            ("torque = nan", ["limits.torque: not finite (nan)"]),
+            ("torque = [1.0, 2.0]", ["limits.torque: wrong type ([1.0, 2.0])", "a number"]),
+            ("wheel_power = 0", ["limits.wheel_power: out of range (0)"]),
+            ("stall_torque = 2.0", ["no_load_speed should be given, too"]),
+            ("stall_torque = -2.0\nno_load_speed = 9.0", ["limits.stall_torque: out of range (-2.0)"]),
+        ],
+    )
+    def test_limits(self, tmp_path: Path, limits: str, words: list[str]) -> None:
+        self.refused(tmp_path, tiny(more=f"\n[limits]\n{limits}\n"), words)
+
+    def test_wheels_that_leave_wrenches_out_of_reach(self, tmp_path: Path) -> None:
+        self.refused(tmp_path, tiny(('preset = "youbot"\n', PARALLEL)), ["platform", "rank below 3"])
+
+    @staticmethod
+    def refused(folder: Path, text: str, words: list[str]) -> None:
+        path = folder / "a.toml"
+        path.write_text(text)
+        with pytest.raises(ExperimentError) as caught:
+            load_experiment(path)
+        (line,) = caught.value.lines
+        assert "\n" not in line
+        for word in words:
+            assert word in line

@@ -16,14 +16,15 @@ from occ.allocation import (
     Criterion,
     ElectricPower,
     LargestTorque,
-    WeightedNorm,
-    closed_form,
+    allocate,
     platform_input_map,
 )
 from occ.allocation.osqp_qp import OsqpAllocator
 from occ.allocation.reference import Reference
+from occ.allocation.result import question
 from occ.model.platform import Platform
 from tests.allocation.wrenches import (
+    CRITERIA,
     law_samples,
     law_wrenches,
     random_ranges,
@@ -32,13 +33,6 @@ from tests.allocation.wrenches import (
     youbot_map,
 )
 from tests.strategies import reals, wheeled_platforms
-
-CRITERIA = [
-    pytest.param(LEAST_NORM, id="norm"),
-    pytest.param(WeightedNorm((1.0, 4.0, 0.3, 2.0)), id="weighted"),
-    pytest.param(LargestTorque(), id="largest"),
-    pytest.param(ElectricPower(), id="electric"),
-]
 
 
 class TestAgreement:
@@ -50,7 +44,7 @@ class TestAgreement:
         wheels = youbot_map()
         wrench, rates = law_samples(40)
         by_qp = OsqpAllocator(wheels, criterion).allocate(wrench, limit, rates)
-        closed = closed_form.allocate(wheels, wrench, limit, criterion, rates)
+        closed = allocate(wheels, wrench, limit, criterion, rates)
         assert not by_qp.failed.any()
         assert np.array_equal(by_qp.reachable, closed.reachable)
         np.testing.assert_allclose(by_qp.torque, closed.torque, atol=1e-8)
@@ -65,20 +59,24 @@ class TestAgreement:
                 np.testing.assert_allclose(answer.torque, closed.torque[:, k], atol=2e-4)
 
     @pytest.mark.parametrize("criterion", CRITERIA)
-    def test_random_wrenches_within_random_ranges(self, criterion: Criterion) -> None:
-        wheels, count = youbot_map(), 150
+    @pytest.mark.parametrize("count", [150, pytest.param(4000, marks=pytest.mark.slow)])
+    def test_random_wrenches_within_random_ranges(self, criterion: Criterion, count: int) -> None:
+        wheels = youbot_map()
+        # A linear programme is hard for OSQP: it takes most of its iterations.
+        count = count // 4 if isinstance(criterion, LargestTorque) else count
         wrench, rates = random_wrenches(wheels, 1.0, count, 21), random_rates(count, 22)
         ranges = random_ranges(wheels, count, 23)
         by_qp = OsqpAllocator(wheels, criterion).allocate(wrench, ranges, rates)
-        closed = closed_form.allocate(wheels, wrench, ranges, criterion, rates)
-        # Every discrepancy is one that OSQP admits: within its iterations it has shown neither.
+        closed = allocate(wheels, wrench, ranges, criterion, rates)
+        # Every discrepancy is one that OSQP admits: within its iterations it has shown neither.  Of quadratic
+        # programmes these are a few at a kink of the power, or within some 1e-5 N m of the border of reach.
+        assert by_qp.failed.mean() < (0.06 if isinstance(criterion, LargestTorque) else 1e-3)
         assert np.array_equal(by_qp.reachable | by_qp.failed, closed.reachable | by_qp.failed)
-        assert by_qp.failed.mean() < 0.15
         both = by_qp.reachable & closed.reachable
         values = [criterion.value(found.torque[:, both], rates[:, both]) for found in (by_qp, closed)]
         np.testing.assert_allclose(values[0], values[1], rtol=1e-7, atol=1e-9)
-        written, decided = Reference(wheels, criterion), 0
-        for k in range(15):
+        written, decided, tried = Reference(wheels, criterion), 0, count // 10
+        for k in range(tried):
             answer = written.solve(wrench[:, k], ranges.of(np.array([k])), rates[:, k])
             if np.isnan(answer.value):
                 continue  # a range without an inside, which an interior point cannot reach
@@ -87,7 +85,7 @@ class TestAgreement:
             if answer.torque is not None:
                 value = criterion.value(closed.torque[:, [k]], rates[:, [k]])[0]
                 assert answer.value == pytest.approx(value, rel=1e-6, abs=1e-8)
-        assert decided > 8
+        assert decided > 0.6 * tried
 
     @settings(max_examples=5)
     @given(platform=wheeled_platforms(3, 6), limit=reals(0.1, 5.0), seed=st.integers(0, 1000))
@@ -110,7 +108,7 @@ class TestAgreement:
         wheels = youbot_map()
         wrench, rates = law_samples(9)
         for criterion in (LEAST_NORM, ElectricPower(), LargestTorque()):
-            written, ranges = Reference(wheels, criterion), closed_form.question(wheels, wrench, 1.0, criterion, rates)
+            written, ranges = Reference(wheels, criterion), question(wheels, wrench, 1.0, criterion, rates)
             for k in range(9):
                 answer = written.solve(wrench[:, k], 1.0, rates[:, k])
                 assert answer.force is not None
@@ -146,7 +144,7 @@ class TestLyingSolver:
         assert OsqpAllocator(youbot_map()).allocate(self.WRENCH, 1.0).reachable.all()
 
     def test_point_that_is_not_optimal(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        inside = closed_form.allocate(youbot_map(), self.WRENCH, 0.98).torque[:, 0]
+        inside = allocate(youbot_map(), self.WRENCH, 0.98).torque[:, 0]
         found = self.answer(monkeypatch, inside / self.unit(), np.zeros(7), None)
         assert found.failed.all()
         assert not found.reachable.any()
@@ -159,7 +157,7 @@ class TestLyingSolver:
 
     def test_point_that_only_names_the_right_wheel(self, monkeypatch: pytest.MonkeyPatch) -> None:
         # From there the solution is found without the solver, and proven.
-        right = closed_form.allocate(youbot_map(), self.WRENCH, 1.0)
+        right = allocate(youbot_map(), self.WRENCH, 1.0)
         near = right.torque[:, 0] + 3e-6 * youbot_map().null_torque[:, 0]
         found = self.answer(monkeypatch, near / self.unit(), np.zeros(7), None)
         np.testing.assert_allclose(found.torque, right.torque, atol=1e-12)
@@ -185,5 +183,5 @@ class TestLyingSolver:
         # OSQP takes a strided view for contiguous memory; the allocator hands it rows.
         wrench = np.asfortranarray(law_wrenches(6))
         found = OsqpAllocator(youbot_map(), LargestTorque()).allocate(wrench[:, ::2], 1.0)
-        right = closed_form.allocate(youbot_map(), wrench[:, ::2], 1.0, LargestTorque())
+        right = allocate(youbot_map(), wrench[:, ::2], 1.0, LargestTorque())
         np.testing.assert_allclose(found.torque, right.torque, atol=1e-9)

@@ -9,18 +9,19 @@ import numpy as np
 import pytest
 
 from occ.allocation import (
+    LEAST_NORM,
     ElectricPower,
     TorqueRange,
     WeightedNorm,
     allocate,
     closed_form,
     input_map,
-    many_wheels,
     torque_range,
 )
 from occ.allocation.osqp_qp import OsqpAllocator
 from occ.allocation.ranges import NO_LIMIT
 from occ.allocation.reference import Reference
+from occ.allocation.result import question
 from occ.errors import InputError
 from occ.task import Limits
 from tests.allocation.wrenches import youbot_map
@@ -69,8 +70,6 @@ def ways(wrench: Any, limits: Any, **more: Any) -> list[Callable[[], object]]:
     wheels = youbot_map()
     return [
         lambda: allocate(wheels, wrench, limits, **more),
-        lambda: closed_form.allocate(wheels, wrench, limits, **more),
-        lambda: many_wheels.allocate(wheels, wrench, limits, **more),
         lambda: OsqpAllocator(wheels).allocate(wrench, limits),
     ]
 
@@ -137,4 +136,5 @@ class TestBadInput:
 
     def test_closed_form_of_five_wheels(self) -> None:
         wheels = input_map(np.vstack([youbot_map().wheel_rates, [20.0, 0.0, 3.0]]))
-        refused(lambda: closed_form.allocate(wheels, np.zeros((3, 1)), 1.0), "not 5")
+        asked = question(wheels, np.zeros((3, 1)), 1.0, LEAST_NORM)
+        refused(lambda: closed_form.solve(asked), "three or four wheels, not 5")

@@ -2,15 +2,32 @@
 
 from __future__ import annotations
 
-from itertools import combinations, pairwise, product
+from itertools import combinations, product
 
 import numpy as np
+import pytest
 
-from occ.allocation import Criterion, ElectricPower, InputMap, TorqueRange, WeightedNorm, platform_input_map
+from occ.allocation import (
+    LEAST_NORM,
+    Criterion,
+    ElectricPower,
+    InputMap,
+    LargestTorque,
+    TorqueRange,
+    WeightedNorm,
+    platform_input_map,
+)
 from occ.allocation.ranges import NO_LIMIT
 from occ.laws import ServoLaw
 from occ.model.presets import youbot
 from tests.tasks import paper_task
+
+CRITERIA = [
+    pytest.param(LEAST_NORM, id="norm"),
+    pytest.param(WeightedNorm((1.0, 4.0, 0.3, 2.0)), id="weighted"),
+    pytest.param(LargestTorque(), id="largest"),
+    pytest.param(ElectricPower(), id="electric"),
+]
 
 
 def youbot_map() -> InputMap:
@@ -60,49 +77,60 @@ def random_rates(count: int, seed: int) -> np.ndarray:
 
 
 def by_vertices(
-    wheels: InputMap, wrench: np.ndarray, lower: np.ndarray, upper: np.ndarray, rates: np.ndarray, criterion: Criterion
-) -> np.ndarray | None:
+    wheels: InputMap, wrench: np.ndarray, ranges: TorqueRange, rates: np.ndarray, criterion: Criterion
+) -> np.ndarray:
     """Four wheels: the best of all nu at which something changes, and of the lowest points of parabolas in between.
 
     The torques are M + nu n.  A wheel on a limit, two torques of the same size, a torque where a wheel begins to take
     power: these are the ends of the pieces on which the criterion is a polynomial of degree two at most.
+
+    Args:
+        wheels: four of them.
+        wrench: (3, N).
+        ranges: of each wheel and sample.
+        rates: (4, N).
+        criterion: what is least.
+
+    Returns:
+        (4, N) torques; NaN where there are none.
     """
     null = wheels.null_torque[:, 0]
-    torque = np.linalg.lstsq(wheels.wheel_rates.T, wrench, rcond=None)[0]
     # The same factor as in C_phi^T M = Pi; lstsq of a wide system is its minimum norm.
-    places = [0.0]
-    for m, n, low, high, rate in zip(torque, null, lower, upper, rates, strict=True):
-        if abs(n) > 1e-9:
-            places += [(end - m) / n for end in (low, high, 0.0) if abs(end) < NO_LIMIT]
-            if isinstance(criterion, ElectricPower):
-                places.append((-rate / criterion.loss - m) / n)
+    torque = np.linalg.lstsq(wheels.wheel_rates.T, wrench, rcond=None)[0]
+    lower, upper = (np.broadcast_to(end, torque.shape) for end in (ranges.lower, ranges.upper))
+    count = torque.shape[1]
+
+    def value(nu: np.ndarray) -> np.ndarray:
+        shifted = torque[:, None] + null[:, None, None] * nu
+        spread = np.broadcast_to(rates[:, None], shifted.shape)
+        return criterion.value(shifted.reshape(4, -1), spread.reshape(4, -1)).reshape(nu.shape)
+
+    places = [np.zeros(count)]
+    for i in np.flatnonzero(np.abs(null) > 1e-9):
+        ends = [np.where(np.abs(end) < NO_LIMIT, end, 0.0) for end in (lower[i], upper[i])]
+        if isinstance(criterion, ElectricPower):
+            ends.append(-rates[i] / criterion.loss)
+        places += [(end - torque[i]) / null[i] for end in (*ends, 0.0)]
     for (i, j), sign in product(combinations(range(4), 2), (-1, 1)):
         if abs(null[i] - sign * null[j]) > 1e-9:
             places.append(-(torque[i] - sign * torque[j]) / (null[i] - sign * null[j]))
-
-    def value(nu: float) -> float:
-        m = (torque + nu * null)[:, None]
-        return float(criterion.value(m, rates[:, None])[0])
-
     weight = criterion.of(4)[:, 0] if isinstance(criterion, WeightedNorm) else np.ones(4)
-    places.append(-float((weight * null * torque).sum() / (weight * null**2).sum()))
-    places = sorted(places)
-    for low, high in pairwise(places):
-        # The lowest point of the parabola through three points of the piece.
-        half = (high - low) / 2
-        one, two, three = value(low), value(low + half), value(high)
-        bend = one - 2 * two + three
-        if bend > 1e-12 * abs(two) and half > 1e-12:
-            places.append(low + half * float(np.clip(1 + (one - three) / (2 * bend), 0, 2)))
-    slack = 1e-9 * max(1.0, float(np.abs(torque).max()))
-    admissible = [
-        nu
-        for nu in places
-        if np.all(torque + nu * null <= upper + slack) and np.all(torque + nu * null >= lower - slack)
-    ]
-    if not admissible:
-        return None
-    least = min(value(nu) for nu in admissible)
-    # Of several best ones the least norm is meant.
-    best = min((nu for nu in admissible if value(nu) <= least + 1e-11 * max(least, 1.0)), key=abs)
-    return torque + best * null
+    places.append(-((weight * null) @ torque) / (weight @ null**2))
+    corners = np.sort(places, axis=0)
+    low, high = corners[:-1], corners[1:]
+    half = (high - low) / 2
+    # The lowest point of the parabola through three points of each piece.
+    one, two, three = value(low), value(low + half), value(high)
+    bend = one - 2 * two + three
+    curved = (bend > 1e-12 * np.abs(two)) & (half > 1e-12)
+    share = np.divide(one - three, 2 * bend, out=np.zeros_like(bend), where=curved)
+    nu = np.concatenate([corners, np.where(curved, low + half * np.clip(1 + share, 0, 2), low)])
+    slack = 1e-9 * np.maximum(1.0, np.abs(torque).max(axis=0))
+    shifted = torque[:, None] + null[:, None, None] * nu
+    admissible = ((shifted <= (upper + slack)[:, None]) & (shifted >= (lower - slack)[:, None])).all(axis=0)
+    values = np.where(admissible, value(nu), np.inf)
+    least = values.min(axis=0)
+    # Of several best ones the least norm is meant; a weighted norm has one only.
+    same = least if isinstance(criterion, WeightedNorm) else least + 1e-11 * np.maximum(least, 1.0)
+    best = np.where(values <= same, np.abs(nu), np.inf).argmin(axis=0)
+    return np.where(np.isfinite(least), torque + null[:, None] * nu[best, np.arange(count)], np.nan)

@@ -1,0 +1,46 @@
+"""Slopes at a minimum: of the many that corners and limits allow, those that are normal to the null torques."""
+
+from __future__ import annotations
+
+import numpy as np
+
+NO_EFFECT = 1e-12
+"""A wheel whose share in the unit null torque is below this is not moved by it."""
+
+
+def nearest_to_zero(low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """The number between low and high that is nearest to zero."""
+    return np.minimum(np.maximum(low, 0.0), high)
+
+
+def balanced(low: np.ndarray, high: np.ndarray, null: np.ndarray) -> np.ndarray:
+    """g (n, N) between low and high with n g = 0 for the one null torque n (n,), where there is one."""
+    slope = np.where(np.isfinite(low), low, np.where(np.isfinite(high), high, 0.0))
+    up, down = high - slope, slope - low
+    column = null[:, None]
+    lacking = -(null @ slope)
+    # What a wheel can still add to n g in the direction in which it lacks.
+    room = np.abs(column) * np.where(np.sign(column) * np.sign(lacking) > 0, up, down)
+    room = np.where(np.abs(column) > NO_EFFECT, room, 0.0)
+    free = np.isinf(room)
+    total = np.where(np.isinf(room), 0.0, room).sum(axis=0)
+    share = np.divide(np.abs(lacking), total, out=np.zeros_like(total), where=total > 0)
+    finite = np.where(free, 0.0, room) * np.minimum(share, 1.0)
+    # Of the wheels at a limit one takes all of it, as a limit pulls as hard as it must.
+    first = (np.cumsum(free, axis=0) == 1) & free
+    added = np.where(free.any(axis=0), np.where(first, np.abs(lacking), 0.0), finite)
+    safe = np.where(np.abs(column) > NO_EFFECT, column, 1.0)
+    return slope + np.sign(lacking) * added / safe
+
+
+def normal_slope(low: np.ndarray, high: np.ndarray, null: np.ndarray) -> np.ndarray:
+    """g (n,) between low and high with null^T g as near to zero as possible, for several null torques (n, k)."""
+    from scipy.optimize import lsq_linear
+
+    slope = nearest_to_zero(low, high)
+    free = high > low
+    if free.any():
+        slope = np.where(free, 0.0, slope)
+        right = -null.T @ slope
+        slope[free] = lsq_linear(null[free].T, right, (low[free], high[free]), method="bvls", tol=1e-14, max_iter=99).x
+    return slope
