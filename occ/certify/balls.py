@@ -10,7 +10,7 @@ Source: Johansson, Arb: efficient arbitrary-precision midpoint-radius interval a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from flint import acb, arb
 
@@ -105,8 +105,11 @@ class EnclosedTask:
         power: [W] U.
         swing: [J] 2 G, whose slope is 2 d_2.
         rest: [J] T_min, the least kinetic energy at an angle.
+        inertia: [kg m^2] J_a.
+        coupling: [N m s] k_1.
+        translation: [J] k_0, the kinetic energy at Omega = 0.
         start: [rad] psi~(0).
-        start_energy: [J] kinetic energy at the start.
+        start_rate: [rad/s] Omega(0).
         duration: [s].
     """
 
@@ -115,13 +118,29 @@ class EnclosedTask:
     power: Polynomial
     swing: Polynomial
     rest: Polynomial
+    inertia: Ball
+    coupling: Polynomial
+    translation: Polynomial
     start: Ball
-    start_energy: Ball
+    start_rate: Ball
     duration: Ball
+
+    def kinetic_energy(self, x: Ball, yaw_rate: Ball) -> Ball:
+        """T(psi~, Omega) [J]."""
+        return self.inertia * square(yaw_rate) / 2 + self.coupling(x) * yaw_rate + self.translation(x)
+
+    @property
+    def start_energy(self) -> Ball:
+        """[J] Kinetic energy at the start."""
+        return self.kinetic_energy(self.start, self.start_rate)
 
     def end_cost(self, x: Ball) -> Ball:
         """phi(x) = 2 Z omega_B (x - psi~(0)) + 2 G(x) - 2 G(psi~(0)) + T_min(x) [J]."""
         return 2 * self.friction * self.rate * (x - self.start) + self.of_end(x) - self.swing(self.start)
+
+    def end_cost_on(self, box: Ball) -> Ball:
+        """The same on a real box, by the mean value form."""
+        return 2 * self.friction * self.rate * (box - self.start) + self.of_end.on(box) - self.swing(self.start)
 
     @property
     def of_end(self) -> Polynomial:
@@ -142,7 +161,7 @@ def enclose(task: Task) -> EnclosedTask:
         InputError: the motion is not a circle.
     """
     circle = circle_of(task)
-    inertia, friction = _matrices(task)
+    inertia, friction, *_ = matrices(task)
     direction = [arb(task.point[1]), -arb(task.point[0]), arb(1)]
     rate = arb(circle.rate)
     speed = arb(circle.radius) * rate
@@ -159,27 +178,45 @@ def enclose(task: Task) -> EnclosedTask:
     first, second = square(cosine), square(sine)
     turned = Polynomial((first + second) / 2, zero, zero, (first - second) / 2, cosine * sine)
     kinetic = _translation(inertia).scaled(square(speed) / 2)
-    start, yaw_rate = arb(task.start.heading) - arb(circle.phase), arb(task.start.heading_rate)
-    k_1 = cosine * start.cos() + sine * start.sin()
-    start_energy = j * square(yaw_rate) / 2 + k_1 * yaw_rate + kinetic(start)
     return EnclosedTask(
         friction=z,
         rate=rate,
         power=power,
         swing=swing,
         rest=kinetic + turned.scaled(-1 / (2 * j)),
-        start=start,
-        start_energy=start_energy,
+        inertia=j,
+        coupling=Polynomial(zero, cosine, sine, zero, zero),
+        translation=kinetic,
+        start=arb(task.start.heading) - arb(circle.phase),
+        start_rate=arb(task.start.heading_rate),
         duration=arb(task.duration),
     )
 
 
-def _matrices(task: Task) -> tuple[Matrix, Matrix]:
-    """A and Z of eq. (2.16)."""
+class Matrices(NamedTuple):
+    """What eq. (2.16) is made of; pi' = (V_X, V_Y, Omega) of the centre O."""
+
+    inertia: Matrix  # (3, 3) A
+    friction: Matrix  # (3, 3) Z
+    wheels: Matrix  # (3, 3) C_phi^T C_phi
+    mass: Ball  # [kg] of platform and wheels
+    moment: tuple[Ball, Ball]  # [kg m] mass times the place of its centre
+
+
+def matrices(task: Task) -> Matrices:
+    """The matrices of a task's platform in balls.
+
+    Args:
+        task: any.
+
+    Returns:
+        Balls that hold the true values.
+    """
     platform = task.platform
     mass, s_x, s_y = (arb(platform.mass), *(arb(platform.mass) * arb(a) for a in platform.mass_center))
     friction = [[arb(0)] * 3 for _ in range(3)]
     spin = [[arb(0)] * 3 for _ in range(3)]
+    wheels = [[arb(0)] * 3 for _ in range(3)]
     for wheel in platform.wheels:
         x, y = (arb(value) for value in wheel.position)
         rolling, angle = arb(wheel.mounting_angle), arb(wheel.roller_angle)
@@ -192,9 +229,10 @@ def _matrices(task: Task) -> tuple[Matrix, Matrix]:
         _add(friction, arb(wheel.friction), wheel_row)
         _add(friction, arb(wheel.roller_friction), roller_row)
         _add(spin, arb(wheel.spin_inertia), wheel_row)
+        _add(wheels, arb(1), wheel_row)
     rigid = [[mass, arb(0), -s_y], [arb(0), mass, s_x], [-s_y, s_x, arb(platform.yaw_inertia)]]
     inertia = [[a + b for a, b in zip(*rows, strict=True)] for rows in zip(rigid, spin, strict=True)]
-    return inertia, friction
+    return Matrices(inertia, friction, wheels, mass, (s_x, s_y))
 
 
 def _row(e_x: Ball, e_y: Ball, x: Ball, y: Ball, lever: Ball) -> list[Ball]:

@@ -123,7 +123,7 @@ def _edges(task: EnclosedTask, proof: CurveProof) -> list[Ball]:
 
 
 def lower_bound(task: EnclosedTask, proof: CurveProof, floors: Floors) -> Ball:
-    """A proven lower bound of the work with a free end, from numbers that need not be trusted.
+    """A proven lower bound of work plus kinetic energy at the start, from numbers that need not be trusted.
 
     Args:
         task: enclosed.
@@ -131,7 +131,7 @@ def lower_bound(task: EnclosedTask, proof: CurveProof, floors: Floors) -> Ball:
         floors: of the same task.
 
     Returns:
-        A ball; its lower end bounds the work [J] of every motion from the start.
+        A ball [J]; its lower end holds for every motion from the start with a free end.
 
     Raises:
         Refused: a step of the proof fails.
@@ -161,7 +161,7 @@ def lower_bound(task: EnclosedTask, proof: CurveProof, floors: Floors) -> Ball:
         raise Refused("the curvature at the end is not positive")
     inside = action + task.end_cost(end) - loss - square(tau) / (2 * sigma)
     outside = _floor_of_leaving(task, proof, floors)
-    return arb.min(inside, outside) - task.start_energy
+    return arb.min(inside, outside)
 
 
 def _floor_of_leaving(task: EnclosedTask, proof: CurveProof, floors: Floors) -> Ball:

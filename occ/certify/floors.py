@@ -6,92 +6,80 @@ So everything far from a candidate is shown to cost more than it: roughly, but r
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
-from flint import acb, arb
+from flint import arb
 
-from occ.certify.balls import Ball, EnclosedTask, Refused, integral
+from occ.certify.balls import EnclosedTask, Refused
+from occ.certify.lengths import Lengths, above, below
 
 CELLS = 240
 """Cells of a turn."""
+LEVELS = (0.0, *np.logspace(-3.5, 1.5, 21))
+"""Levels h + min U, relative to the swing of U."""
 ROUNDING = 2.0**-44
 """Relative margin for a handful of operations in floating point: many times their rounding."""
 
 
-@dataclass(frozen=True)
 class Floors:
-    """Lower bounds of lengths, cell by cell, for several h; floats that are lower ends of balls.
+    """Lower bounds of the work over all motions that end in a cell of the circle, the end being free.
 
     Args:
         task: enclosed.
-        levels: [W] h, each at least -min U for certain.
-        cells: for each h the least length of each cell of [psi~(0), psi~(0) + 2 pi).
-        roots: for each h the least 2 sqrt(Z (U + h)) on each cell [J/rad].
-        edges: for each cell the value of 2 G + T_min at its lower edge [J].
-        forces: for each cell the least and the largest slope of the cost of the end [J/rad].
+        grain: [J] lengths that need not be found.
     """
 
-    task: EnclosedTask
-    levels: tuple[float, ...]
-    cells: tuple[tuple[float, ...], ...]
-    roots: tuple[tuple[float, ...], ...]
-    edges: tuple[float, ...]
-    forces: tuple[tuple[float, float], ...]
+    def __init__(self, task: EnclosedTask, grain: float = 0.0) -> None:
+        self.task, self.lengths = task, Lengths(task, CELLS, grain=grain)
+        swing = float(sum(abs(c) for c in task.power.coefficients[1:]))
+        # Without friction on the way U may be constant, so that its size sets the scale.
+        scale = swing + 1e-3 * float(abs(task.power.c_0))
+        self.levels = np.array([rise * scale - self.lengths.lowest for rise in LEVELS])
+        self._sums = np.array([self.lengths.sums(float(h)) for h in self.levels])
+        roots = 4 * below(task.friction) * np.maximum(self.lengths.lows + self.levels[:, None], 0.0)
+        self._roots = np.sqrt(roots) * (1 - ROUNDING)
+        slopes = [2 * task.friction * task.rate + task.of_end.derivative().on(box) for box in self.lengths.boxes]
+        self._least, self._largest = np.array([below(s) for s in slopes]), np.array([above(s) for s in slopes])
+        self._edges = np.array([below(task.of_end(edge)) for edge in self.lengths.edges[:-1]])
 
-    @classmethod
-    def create(cls, task: EnclosedTask, above: Sequence[float]) -> Floors:
-        """For the levels h = -min U + above [W].
+    def of_cells(self, cells: np.ndarray, via: int = 0, steep: bool = False) -> np.ndarray:
+        """Floors of work plus kinetic energy at the start for motions that end in given cells.
 
         Args:
-            task: enclosed.
-            above: not negative.
+            cells: (K,) whole numbers on the real line, counted from the start.
+            via: edge of a cell that the motion reaches on its way; 0 for all motions.
+            steep: use only levels at which further turns cost more than they give.
+
+        Returns:
+            (K,) [J]
         """
-        width = 2 * arb.pi() / CELLS
-        edges = [task.start + k * width for k in range(CELLS + 1)]
-        boxes = [a.union(b) for a, b in pairwise(edges)]
-        powers = [task.power.on(box).lower() for box in boxes]
-        lowest = _lowest(task, boxes, powers)
-        levels, cells, roots = [], [], []
-        for rise in above:
-            h = float((rise - lowest + abs(lowest) * arb(2) ** -40).upper())
-            levels.append(h)
-            cells.append(
-                tuple(_length(task, h, power, ends, width) for power, ends in zip(powers, pairwise(edges), strict=True))
-            )
-            roots.append(tuple(_low(2 * (task.friction * arb.max(power + h, arb(0))).sqrt()) for power in powers))
-        slopes = [2 * task.friction * task.rate + task.of_end.derivative().on(box) for box in boxes]
-        return cls(
-            task,
-            tuple(levels),
-            tuple(cells),
-            tuple(roots),
-            tuple(_low(task.of_end(edge)) for edge in edges[:-1]),
-            tuple((_low(slope), -_low(-slope)) for slope in slopes),
-        )
+        rows = self._steep() if steep else np.arange(len(self.levels))
+        rightwards = cells >= via
+        near, place = np.where(rightwards, cells, cells + 1), cells % CELLS
+        lengths = self._way(rows, np.array([0]), np.array([via])) + self._way(rows, np.full_like(near, via), near)
+        rest = (self._duration * self.levels[rows])[:, None]
+        # From the nearer edge of the cell the cost changes with its slope at least.
+        slope = np.where(rightwards, self._least[place], -self._largest[place])
+        inside = np.minimum(0.0, slope + self._roots[rows][:, place]) * self._width
+        each = lengths - rest + inside - ROUNDING * (lengths + np.abs(rest) - inside)
+        force, edge = self._force * near, self._edges[near % CELLS]
+        margin = ROUNDING * (np.abs(force) + np.abs(edge) + abs(self._offset))
+        return np.asarray(each.max(axis=0) + force + edge - self._offset - margin)
 
-    @cached_property
-    def _sums(self) -> tuple[np.ndarray, ...]:
-        return tuple(np.concatenate([[0.0], np.cumsum(cells)]) for cells in self.cells)
+    def _way(self, rows: np.ndarray, first: np.ndarray, last: np.ndarray) -> np.ndarray:
+        """(rows, K) [J] Lower bounds of the length between edges of cells."""
+        low, high = np.minimum(first, last), np.maximum(first, last)
+        sums = self._sums[rows]
+        whole = sums[:, -1:] * (high // CELLS - low // CELLS) + sums[:, high % CELLS] - sums[:, low % CELLS]
+        margin = 2.0**-40 * sums[:, -1:] * (1 + np.abs(high // CELLS) + np.abs(low // CELLS))
+        return np.asarray(np.where(low == high, 0.0, np.maximum(whole - margin, 0.0)))
 
-    def way(self, level: int, first: int, last: int) -> float:
-        """The least length from the edge of cell `first` to the edge of cell `last`, whole numbers on the real line."""
-        sums = self._sums[level]
-        low, high = (divmod(edge, CELLS) for edge in (min(first, last), max(first, last)))
-        total = (high[0] - low[0]) * sums[-1] + sums[high[1]] - sums[low[1]]
-        # A few hundred additions: this covers their rounding many times.
-        margin = 2.0**-40 * (1 + abs(high[0]) + abs(low[0])) * sums[-1]
-        return max(float(total - margin), 0.0)
-
-    def work(self, via: int, hole: tuple[int, int] | None = None) -> float:
+    def work(self, via: int) -> float:
         """A floor of work plus kinetic energy at the start, over all motions that reach `via`, wherever they end.
 
         Args:
-            via: edge of a cell that the motion reaches on its way; 0 for all motions.
-            hole: edges between which ends are left out.
+            via: edge of a cell; 0 for all motions.
 
         Returns:
             [J]
@@ -99,45 +87,37 @@ class Floors:
         Raises:
             Refused: full turns may pay at every level, so that ends further away are not excluded.
         """
-        steep = self._steep()
-        reach = CELLS * (2 + max(abs(edge) // CELLS for edge in (via, *(hole or ()))))
-        floor = float("inf")
-        for first, last, levels in (
-            (-reach, reach, range(len(self.levels))),
-            # Beyond, a further turn costs more than it gives: the first turn beyond stands for all of them.
-            (-reach - CELLS, -reach, steep),
-            (reach, reach + CELLS, steep),
-        ):
-            for cell in range(first, last):
-                if hole and hole[0] <= cell < hole[1]:
-                    continue
-                floor = min(floor, self._of_end(via, cell, levels))
-        return floor
+        reach = CELLS * (2 + abs(via) // CELLS)
+        inner = self.of_cells(np.arange(-reach, reach), via)
+        return min(float(inner.min()), self.beyond(reach, via))
 
-    def _of_end(self, via: int, cell: int, levels: Iterable[int]) -> float:
-        """From the nearer edge of the cell the cost changes with its slope at least."""
-        place, rightwards = cell % CELLS, cell >= via
-        near = cell if rightwards else cell + 1
-        slope = self.forces[place][0] if rightwards else -self.forces[place][1]
-        best = -float("inf")
-        for i in levels:
-            rest = self._duration * self.levels[i]
-            length = self.way(i, 0, via) + self.way(i, via, near)
-            inside = min(0.0, slope + self.roots[i][place]) * self._width
-            best = max(best, length - rest + inside - ROUNDING * (length + abs(rest) - inside))
-        force, edge = self._force * near, self.edges[near % CELLS]
-        return best + force + edge - self._offset - ROUNDING * (abs(force) + abs(edge) + abs(self._offset))
+    def beyond(self, reach: int, via: int = 0) -> float:
+        """The same over ends in cells that are at least `reach` away from the start.
 
-    def _steep(self) -> list[int]:
-        force = 4 * arb.pi() * self.task.friction * abs(self.task.rate)
-        found = [i for i in range(len(self.levels)) if arb(self.way(i, 0, CELLS)) > force]
-        if not found:
+        Raises:
+            Refused: they are not excluded.
+        """
+        # A further turn costs more than it gives: the first turn beyond stands for all of them.
+        cells = np.arange(CELLS)
+        return float(min(self.of_cells(cells + first, via, steep=True).min() for first in (-reach - CELLS, reach)))
+
+    def of_turns(self, turns: int) -> float:
+        """[J] A floor of the cost of motions that end so many full turns from their start, or more."""
+        rows = self._steep()
+        rest = self._duration * self.levels[rows]
+        length, force = abs(turns) * self._sums[rows, -1], self._force * CELLS * turns
+        return float(np.max(length - rest + force - ROUNDING * (length + np.abs(rest) + abs(force))))
+
+    def _steep(self) -> np.ndarray:
+        force = above(4 * arb.pi() * self.task.friction * abs(self.task.rate))
+        found = np.flatnonzero(self._sums[:, -1] * (1 - ROUNDING) > force)
+        if not found.size:
             raise Refused("ends further away are not excluded: full turns may pay")
-        return found[:1]
+        return found
 
     @cached_property
     def _width(self) -> float:
-        return float((2 * arb.pi() / CELLS).upper())
+        return above(2 * arb.pi() / CELLS)
 
     @cached_property
     def _force(self) -> float:
@@ -150,33 +130,3 @@ class Floors:
     @cached_property
     def _duration(self) -> float:
         return float(self.task.duration)
-
-
-def _lowest(task: EnclosedTask, boxes: list[Ball], powers: list[Ball]) -> Ball:
-    """A lower bound of min U: the cells that may hold it are looked at again in parts."""
-    middle = min((task.power(arb(box.mid())).upper() for box in boxes), key=float)
-    lowest = middle
-    for box, power in zip(boxes, powers, strict=True):
-        if power < middle:
-            low, step = box.lower(), (box.upper() - box.lower()) / 64
-            parts = [(low + k * step).union(low + (k + 1) * step) for k in range(64)]
-            lowest = min([lowest, *(task.power.on(part).lower() for part in parts)], key=float)
-    return lowest
-
-
-def _length(task: EnclosedTask, h: float, power: Ball, ends: tuple[Ball, Ball], width: Ball) -> float:
-    """The least length of one cell: its integral, or where U + h may vanish the least value."""
-    if not power + h > 0:
-        return 0.0
-
-    def root(z: acb, analytic: bool) -> acb:
-        return (task.friction * (task.power(z) + h)).sqrt(analytic=analytic)
-
-    exact = 2 * integral(root, *ends, digits=7)
-    return _low(exact if exact.is_finite() else 2 * width * (task.friction * (power + h)).sqrt())
-
-
-def _low(ball: Ball) -> float:
-    """A float that is certainly not above the ball."""
-    lower = float(ball.lower())
-    return lower - abs(lower) * 2.0**-50 - 1e-300

@@ -1,8 +1,9 @@
 """Certified lower bounds of the work on a circle: which construction, how fine, and what stays open.
 
-Two kinds of proof, both checked in ball arithmetic by code that trusts none of the numbers it is given: along a curve
-(`occ.certify.curve`) and by a straight way (`occ.certify.straight`).  Margins and fineness escalate within a budget of
-time; where neither closes the gap, what is left is an interval, and the word for it is *unresolved*.
+Two constructions, both checked in ball arithmetic by code that trusts none of the numbers it is given.  All ways at
+once (`occ.certify.ways`) covers each class of ends and closes nearly always; along a curve (`occ.certify.curve`) proves
+the same for a free end without the theory of extremals.  Cells are halved, margins and fineness escalate within a
+budget of time; where that does not close the gap, what is left is an interval, and the word for it is *unresolved*.
 """
 
 from __future__ import annotations
@@ -10,38 +11,84 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from typing import Literal
 
 import flint
 import numpy as np
 from flint import arb
 
-from occ.certify import curve, straight
-from occ.certify.balls import Ball, EnclosedTask, Refused, enclose
-from occ.certify.floors import Floors
-from occ.task import Task
+from occ.certify import curve
+from occ.certify.balls import EnclosedTask, Refused, enclose
+from occ.certify.floors import CELLS, Floors
+from occ.certify.lengths import Lengths
+from occ.certify.search import search
+from occ.certify.ways import FreeEnds, GivenEnd, WaysProof, lower_bound
+from occ.errors import InputError
+from occ.task import EndClass, Task
+from occ.theory.dissipation import circle_of
 from occ.theory.minimum_work import LeastWork, minimum_work
 
 BITS = 96
 CLOSED = 1e-6
 """A bound this close (relative) to the value of the theory closes the question."""
+AIM = 0.4
+"""Share of it that the search asks for."""
+GRAIN = 1e-9
+"""Lengths that need not be found, relative to the work."""
+MOST_TURNS = 1024
+"""Ends further away are left to the floors."""
 
-LEVELS = (0.0, *np.logspace(-3.5, 0.5, 17))
-"""Levels of the floors above -min U, relative to the swing of U."""
+Construction = Literal["ways", "curve"]
 
-Proof = curve.CurveProof | straight.StraightProof
+
+@dataclass(frozen=True)
+class Ends:
+    """A class of starts and ends of section 4.3.
+
+    Args:
+        end: ``free``; ``law`` with its state; ``periodic``, with any winding.
+        state: (6,) at the end, where it is given; its numbers are exact.
+        free_start: whether the start is chosen, too (``periodic`` only).
+    """
+
+    end: EndClass = "free"
+    state: tuple[float, ...] | None = None
+    free_start: bool = False
+
+    def least(self, task: Task) -> LeastWork:
+        """The infimum by theory."""
+        state = None if self.state is None else np.array(self.state)
+        return minimum_work(task, self.end, state, free_start=self.free_start)
+
+
+FREE = Ends()
+
+
+@dataclass(frozen=True)
+class WindingsProof:
+    """Proofs for the full turns of psi~ in a periodic motion.
+
+    Args:
+        proofs: for -n, ..., n turns.
+    """
+
+    proofs: tuple[WaysProof, ...]
+
+
+Proof = WaysProof | WindingsProof | curve.CurveProof
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """A lower bound of the work with a free end, and the numbers that prove it.
+    """A lower bound of the work of a class, and the numbers that prove it.
 
     Args:
         lower: [J] a float that is certainly not above the infimum.
         upper: [J] value of the best motion that the theory knows.
         proof: data of the construction; None where only the floors speak.
         reason: why it stays open; empty where it does not.
-        seconds: [s] spent.
+        seconds: [s] of the processor's time.
     """
 
     lower: float
@@ -66,97 +113,181 @@ class Certificate:
         return f"unresolved: between {self.lower:.8g} J and {self.upper:.8g} J ({self.reason})"
 
 
-def check(task: Task, proof: Proof | None, claim: float | None = None) -> float:
+def check(task: Task, proof: Proof | None, claim: float | None = None, ends: Ends = FREE) -> float:
     """The lower bound that a proof proves, in ball arithmetic.
 
     Args:
-        task: on a circle, with a free end.
+        task: on a circle.
         proof: its data, which are not trusted; None for the floors alone.
         claim: [J] a bound that somebody prints.
+        ends: class of starts and ends.
 
     Returns:
-        [J] A float that is certainly not above the work of any motion from the start.
+        [J] A float that is certainly not above the work of any motion of the class.
 
     Raises:
         Refused: the proof fails, or it proves less than the claim.
+        InputError: not a circle, or ends that are not defined there.
     """
     with flint.ctx.workprec(BITS):
-        enclosed, floors = _ground(task)
-        return _checked(enclosed, floors, proof, claim)
-
-
-@lru_cache(maxsize=2)
-def _ground(task: Task) -> tuple[EnclosedTask, Floors]:
-    """What all proofs about one task share."""
-    enclosed = enclose(task)
-    swing = float(sum(abs(c) for c in enclosed.power.coefficients[1:]))
-    return enclosed, Floors.create(enclosed, [level * swing for level in LEVELS])
-
-
-def _checked(enclosed: EnclosedTask, floors: Floors, proof: Proof | None, claim: float | None) -> float:
-    ball: Ball
-    if proof is None:
-        ball = arb(floors.work(0)) - enclosed.start_energy
-    elif isinstance(proof, curve.CurveProof):
-        ball = curve.lower_bound(enclosed, proof, floors)
-    else:
-        ball = straight.lower_bound(enclosed, proof, floors)
-    if not ball.is_finite():
-        raise Refused("the enclosure is not finite")
-    lower = float(np.nextafter(float(ball.lower()), -np.inf))
+        lower = _ground(task, ends).lower(proof)
     if claim is not None and claim > lower:
         raise Refused(f"the claim {claim!r} J is above what is proven, {lower!r} J")
     return lower
 
 
-def certify_work(task: Task, least: LeastWork | None = None, budget: float = 10.0) -> Certificate:
-    """Find and check a proof of a lower bound of the work with a free end.
+def certify_work(
+    task: Task, ends: Ends = FREE, construction: Construction = "ways", budget: float = 30.0
+) -> Certificate:
+    """Find and check a proof of a lower bound of the work.
 
     Args:
         task: on a circle.
-        least: the infimum by theory, if it is known already.
-        budget: [s] after which no further proof is tried.
+        ends: class of starts and ends.
+        construction: ``ways``; ``curve`` for a free end only.
+        budget: [s] of the processor's time after which no further proof is looked for.
 
     Returns:
         The best certificate found; it may be unresolved.
 
     Raises:
-        InputError: the motion is not a circle.
+        InputError: not a circle, or ends that are not defined there.
     """
-    begin = time.perf_counter()
-    least = least or minimum_work(task)
+    begin = time.process_time()
+    least = ends.least(task)
     best, proof, reason = -np.inf, None, "nothing was tried"
-    try:
-        best, reason = check(task, None), "only the floor far from the optimum is proven"
-    except Refused as refusal:
-        reason = str(refusal)
-    for attempt in _attempts(task, least):
-        try:
-            if isinstance(attempt, Refused):
-                raise attempt
-            lower = check(task, attempt)
-        except Refused as refusal:
-            reason = str(refusal)
+    with flint.ctx.workprec(BITS):
+        ground = _ground(task, ends)
+        for attempt in ground.attempts(least, construction, begin + budget):
+            try:
+                if isinstance(attempt, Refused):
+                    raise attempt
+                lower = ground.lower(attempt)
+            except Refused as refusal:
+                reason = str(refusal)
+            else:
+                if lower > best:
+                    best, proof, reason = lower, attempt, f"no better proof in {budget:g} s"
+            if (least.work - best) <= CLOSED * abs(least.work) or time.process_time() - begin > budget:
+                break
+    return Certificate(best, least.work, proof, reason, time.process_time() - begin)
+
+
+class _Ground:
+    """What all proofs about one task and one class share."""
+
+    def __init__(self, task: Task, ends: Ends) -> None:
+        self.task, self.ends = task, ends
+        self.enclosed = enclose(task)
+        self.start_energy = self.enclosed.start_energy
+        # Only how finely lengths are found depends on the value of the theory.
+        self.grain = GRAIN * abs(ends.least(task).work)
+
+    @cached_property
+    def floors(self) -> Floors:
+        return Floors(self.enclosed, self.grain)
+
+    def lower(self, proof: Proof | None) -> float:
+        """[J] What a proof proves."""
+        if isinstance(proof, WindingsProof) and self.ends.end == "periodic":
+            return self._of_windings(proof)
+        if isinstance(proof, WaysProof) and self.ends.end != "periodic":
+            ways = self.free(proof.reach) if self.ends.end == "free" else self.given
+            ball = arb(lower_bound(ways, proof))
+        elif isinstance(proof, curve.CurveProof) and self.ends.end == "free":
+            ball = curve.lower_bound(self.enclosed, proof, self.floors)
+        elif proof is None and self.ends.end == "free":
+            ball = arb(self.floors.work(0))
         else:
-            if lower > best:
-                best, proof = lower, attempt
-        if (least.work - best) <= CLOSED * abs(least.work) or time.perf_counter() - begin > budget:
-            break
-    return Certificate(best, least.work, proof, reason, time.perf_counter() - begin)
+            raise Refused(f"such a proof says nothing about the end {self.ends.end!r}")
+        return _float_below(ball - self.start_energy)
+
+    def attempts(
+        self, least: LeastWork, construction: Construction, deadline: float
+    ) -> Iterator[Proof | Refused | None]:
+        """Proofs to try, the coarsest first."""
+        target = least.work - AIM * CLOSED * abs(least.work) + float(self.start_energy)
+        if self.ends.end == "periodic":
+            yield self._windings(target - float(self.start_energy), deadline)
+        elif self.ends.end != "free":
+            yield search(self.given, target, deadline)
+        else:
+            yield None
+            if construction == "curve":
+                yield from _curves(self.task, self.enclosed, least)
+            else:
+                yield self._ways(target, deadline)
+
+    def _ways(self, target: float, deadline: float) -> WaysProof | Refused:
+        try:
+            turns = 2
+            while turns < MOST_TURNS and self.floors.beyond(turns * CELLS) < target:
+                turns *= 2
+            return search(self.free(turns * CELLS), target, deadline)
+        except Refused as refusal:
+            return refusal
+
+    def free(self, reach: int) -> FreeEnds:
+        """The problem with a free end."""
+        return FreeEnds(self.enclosed, self.floors, reach)
+
+    @cached_property
+    def given(self) -> GivenEnd:
+        """The problem whose end is the state."""
+        if self.ends.state is None:
+            raise InputError("end: a state is needed where the end is given")
+        circle, e = circle_of(self.task), self.enclosed
+        end = arb(self.ends.state[2]) - arb(circle.phase) - e.rate * e.duration
+        last = e.kinetic_energy(end, arb(self.ends.state[5]))
+        cost = 2 * e.friction * e.rate * (end - e.start) + e.swing(end) - e.swing(e.start) + last
+        lengths = Lengths(e, CELLS, end, self.grain)
+        return GivenEnd(e, lengths, lengths.end, cost)
+
+    def _turning(self, turns: int) -> GivenEnd:
+        """A periodic motion in which psi~ makes so many full turns; kinetic energy cancels."""
+        cost = 4 * arb.pi() * self.enclosed.friction * self.enclosed.rate * turns
+        return GivenEnd(self.enclosed, self.floors.lengths, float(turns * CELLS), cost)
+
+    def _windings(self, target: float, deadline: float) -> WindingsProof | Refused:
+        try:
+            n = 1
+            while n < MOST_TURNS and min(self.floors.of_turns(side * (n + 1)) for side in (1, -1)) < target:
+                n += 1
+            return WindingsProof(tuple(search(self._turning(k), target, deadline) for k in range(-n, n + 1)))
+        except Refused as refusal:
+            return refusal
+
+    def _of_windings(self, proof: WindingsProof) -> float:
+        n, rest = divmod(len(proof.proofs), 2)
+        if rest != 1:
+            raise Refused("the windings are not as many to the right as to the left")
+        bounds = [self.floors.of_turns(n + 1), self.floors.of_turns(-n - 1)]
+        for turns, part in zip(range(-n, n + 1), proof.proofs, strict=True):
+            if turns == 0 and self.ends.free_start:
+                # Without a turn nothing is below U itself.
+                bounds.append(_float_below(arb(self.floors.lengths.lowest) * self.enclosed.duration))
+            else:
+                bounds.append(lower_bound(self._turning(turns), part))
+        return min(bounds)
 
 
-def _attempts(task: Task, least: LeastWork) -> Iterator[Proof | Refused]:
+@lru_cache(maxsize=2)
+def _ground(task: Task, ends: Ends) -> _Ground:
+    return _Ground(task, ends)
+
+
+def _float_below(ball: arb) -> float:
+    if not ball.is_finite():
+        raise Refused("the enclosure is not finite")
+    return float(np.nextafter(float(ball.lower()), -np.inf))
+
+
+def _curves(task: Task, enclosed: EnclosedTask, least: LeastWork) -> Iterator[Proof | Refused]:
     if least.extremal is None:
         return
-    for margin in (6, 12, 9, 16, 3):
-        try:
-            yield straight.propose(least, margin)
-        except Refused as refusal:
-            yield refusal
     for pieces in (240, 720):
         for margin in (20, 32, 14, 9, 48):
             try:
-                with flint.ctx.workprec(BITS):
-                    yield curve.propose(task, enclose(task), least, margin, pieces)
+                yield curve.propose(task, enclosed, least, margin, pieces)
             except Refused as refusal:
                 yield refusal

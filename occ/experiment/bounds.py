@@ -74,12 +74,14 @@ class Bound:
         kind: ``local``, ``exact`` or ``certified``.
         motions: the class for which it holds.
         uncertainty: by how much a value below it may be an error of rounding, or of what the referee lets pass.
+        open: by how much the least value may be above it, as far as it is known; the gap is not resolved below this.
     """
 
     value: float
     kind: str
     motions: MotionClass
     uncertainty: float = 0.0
+    open: float = 0.0
 
 
 def local_bounds(rows: Iterable[Mapping[str, Any]], name: str) -> list[Bound]:
@@ -126,7 +128,7 @@ def bound_columns(row: Mapping[str, Any], name: str, bounds: Iterable[Bound]) ->
     tightest = _tightest(holding)
     size = abs(tightest.value)
     gap = 100.0 * (reached - tightest.value) / size if size else None
-    uncertainty = 100.0 * (error + tightest.uncertainty) / size if size else None
+    uncertainty = 100.0 * (error + tightest.uncertainty + tightest.open) / size if size else None
     values = (tightest.value, tightest.kind, gap, uncertainty)
     return columns | {f"{name}_{part}": value for part, value in zip(BOUND_COLUMNS, values, strict=True)}
 

@@ -13,12 +13,18 @@ import casadi as ca
 import numpy as np
 
 from occ.checks import Positive
+from occ.errors import InputError
 from occ.laws.base import Moment, PathKeepingLaw
 from occ.task import Solution, Start, StartClass, Task
 from occ.theory.dissipation import CircleEnergy, circle_of, energy_of
+from occ.theory.extremals import Extremal
 from occ.theory.long_run import long_run
+from occ.theory.minimum_work import minimum_work
 from occ.theory.quadrature import FINE, Well
 from occ.theory.trigonometric import TURN, recentred, value
+
+SOFT = 0.01
+"""Share of the level by which the end of a manifold is rounded off."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +55,10 @@ class SlowManifold(PathKeepingLaw):
     """Omega' = d/dt Omega* + (Omega* - Omega) / settling with Omega*(psi~) on the long-run optimum's first integral.
 
     Z u^2 = U - min U leads to the best steady rotation, Z u^2 = U + h round and round on circles below the switch
-    radius (`occ.theory.long_run`).  Heading and yaw rate are fed back, so that the law holds from any start and under
-    disturbance; the optimum's last move at the end of a horizon is left out.
+    radius (`occ.theory.long_run`).  Where the horizon is too short to get to the steady rotation, h is that of the
+    optimum of this horizon, which is slower and turns before it (`occ.theory.minimum_work`): the law comes to rest
+    there.  Heading and yaw rate are fed back, so that the law holds from any start and under disturbance; the
+    optimum's last move at the end of a horizon is left out.
 
     Args:
         settling: [s] time constant of the approach to the manifold.
@@ -74,16 +82,32 @@ class SlowManifold(PathKeepingLaw):
         lowest = float(best.angle)
         _, c_1, _, c_2, s_2 = (float(c) for c in recentred(energy.power, best.angle))
         start = task.start.heading - circle.phase
+        level, side = 0.0, -math.copysign(1.0, circle.rate)
+        if not best.steady:
+            level = float(best.steady_power - best.mean_power)
+        elif (way := _turning_way(task)) is not None and way.energy + best.steady_power < 0:
+            level, side = float(way.energy + best.steady_power), math.copysign(1.0, way.places[1] - way.places[0])
         return OnManifold(
             rate=circle.rate,
             offset=circle.phase + _cheapest_bottom(energy, start, lowest),
             friction=float(energy.friction),
             valley=(-(c_1 + 2 * c_2), -2 * c_2, -2 * s_2),
-            level=0.0 if best.steady else float(best.steady_power - best.mean_power),
+            level=level,
+            side=side,
             settling=self.settling,
             allocation=self.allocation,
             stabilisation=self.stabilisation,
         ).solve(task)
+
+
+def _turning_way(task: Task) -> Extremal | None:
+    """The optimum of the task's horizon, if it turns."""
+    try:
+        way = minimum_work(task).extremal
+    except InputError:
+        # More turns than are searched for: the horizon is long.
+        return None
+    return way if way is not None and len(way.places) == 3 else None
 
 
 def _cheapest_bottom(energy: CircleEnergy, start: float, lowest: float) -> float:
@@ -107,7 +131,8 @@ class OnManifold(PathKeepingLaw):
         offset: [rad] heading at t = 0 of the best steady rotation.
         friction: [N m s] Z.
         valley: (3,) [W] q of U - min U = 2 sin^2(s/2) (q_0 + q_1 cos s + q_2 sin s).
-        level: [W] h + min U; zero where steady rotation is optimal.
+        level: [W] h + min U; zero where steady rotation is optimal, negative where the horizon is too short for it.
+        side: direction in which psi~ goes, where the level is not zero.
         settling: [s].
         allocation: of the wrench to the wheels: { kind = "min_norm" }, or another kind that holds the limits.
         stabilisation: { position = .., velocity = .. } of B's error.
@@ -119,6 +144,7 @@ class OnManifold(PathKeepingLaw):
     friction: Positive
     valley: tuple[float, float, float]
     level: float
+    side: float
     settling: Positive
 
     def yaw_acceleration(self, moment: Moment) -> ca.SX:
@@ -128,7 +154,9 @@ class OnManifold(PathKeepingLaw):
             speed = -ca.sin(angle / 2) * ca.sqrt(2 * q / self.friction)
         else:
             above = 2 * ca.sin(angle / 2) ** 2 * q + self.level
-            speed = -math.copysign(1.0, self.rate) * ca.sqrt(above / self.friction)
+            # Where U + h < 0 the manifold has ended, and psi~ rests; rounded off, for its slope enters the law.
+            round_off = SOFT * abs(self.level) if self.level < 0 else 0.0
+            speed = self.side * ca.sqrt((above + ca.sqrt(above**2 + round_off**2)) / (2 * self.friction))
         here = moment.heading - self.rate * moment.t - self.offset
         both = ca.Function("manifold", [angle], [speed, ca.jacobian(speed, angle)])
         wanted, slope = both(here)

@@ -28,6 +28,8 @@ NEAR = 1e-6
 """Relative error of the time at which a bracket holds a root and not the end of a family."""
 APART = 1e-12
 """Two points on both sides of a place where a way ends to exist."""
+DECADES = np.logspace(-10, -2, 9)
+"""Distances of points from a place whose way takes for ever."""
 
 
 class Extremal(NamedTuple):
@@ -82,12 +84,12 @@ def to_free_end(problem: Problem, slope: np.ndarray, cells: np.ndarray) -> list[
         energy = well.friction * speed**2 - value(well.power, end)
         side = np.where(speed > 0, -1.0, 1.0)
         turn = well.turning_point(energy, end, side)
-        behind = well.turning_point(energy, end, -side)
         ahead = (start - end) * side
         passed = ahead <= (turn - end) * side
-        exists = np.stack(
-            [passed & (ahead > 0), passed & np.isfinite(turn) & (-ahead <= (end - behind) * side)],
-        )
+        turns = passed & np.isfinite(turn)
+        (k,) = np.nonzero(turns & (ahead < 0))
+        turns[k] = -ahead[k] <= (end[k] - well.turning_point(energy[k], end[k], -side[k])) * side[k]
+        exists = np.stack([passed & (ahead > 0), turns])
         level = well.friction * speed**2
         start_level = np.maximum(value(well.power, start) + energy, 0.0)
         return _measured(well, (np.full_like(end, start), end), energy, (start_level, level), turn, exists, rule)
@@ -99,22 +101,32 @@ def to_free_end(problem: Problem, slope: np.ndarray, cells: np.ndarray) -> list[
 def _search_points(well: Well, start: float, slope: np.ndarray, cells: np.ndarray) -> np.ndarray:
     """End points between which the time is continuous: where a way ends to exist there are two, close together."""
     grid = (start + TURN * (cells[:, None] + np.arange(PER_TURN + 1) / PER_TURN)).ravel()
+    edges = _places_of_energy(well, -float(value(well.power, start)), slope, grid)
+    still = zeros(slope)[:, None]
+    rests = still + TURN * (cells + np.ceil((start - still) / TURN))
+    edges = np.concatenate([edges, rests.ravel(), [start]])
+    width = APART * np.maximum(1.0, np.abs(edges))
+    # Where the way passes a minimum of U ever more slowly the time grows like a logarithm: so do the points.
+    slow = np.concatenate([_places_of_energy(well, -bottom, slope, grid) for bottom in well.bottoms])
+    steps = (DECADES * np.maximum(1.0, np.abs(slow))[:, None]).ravel()
+    slow = np.repeat(slow, len(DECADES))
+    return np.unique(np.concatenate([grid, edges - width, edges + width, slow - steps, slow + steps]))
 
-    def at_start(x: np.ndarray) -> np.ndarray:
-        return value(slope, x) ** 2 / (4 * well.friction) - value(well.power, x) + value(well.power, start)
 
-    values = at_start(grid) >= 0
+def _places_of_energy(well: Well, energy: float, slope: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """End points at which transversality asks for an energy constant h [W], by bisection between those of a grid."""
+
+    def above(x: np.ndarray) -> np.ndarray:
+        return value(slope, x) ** 2 / (4 * well.friction) - value(well.power, x) >= energy
+
+    values = above(grid)
     change = np.flatnonzero((values[1:] != values[:-1]) & (np.diff(grid) < TURN / 2))
     low, high, rising = grid[change], grid[change + 1], values[change + 1]
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
-        right = (at_start(middle) >= 0) == rising
+        right = above(middle) == rising
         low, high = np.where(right, low, middle), np.where(right, middle, high)
-    still = zeros(slope)[:, None]
-    rests = still + TURN * (cells + np.ceil((start - still) / TURN))
-    edges = np.concatenate([low, rests.ravel(), [start]])
-    width = APART * np.maximum(1.0, np.abs(edges))
-    return np.unique(np.concatenate([grid, edges - width, edges + width]))
+    return low
 
 
 def to_fixed_end(problem: Problem, end: float) -> list[Extremal]:

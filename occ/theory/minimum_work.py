@@ -205,6 +205,12 @@ class _Cells:
         ceiling = min(self._waiting(start, of_end), turned)
         return self.cells[floors <= ceiling + 1e-9 * abs(ceiling)]
 
+    def of_turns(self, turns: np.ndarray) -> np.ndarray:
+        """[J] Floors of the work of cycles in which psi~ makes so many full turns; kinetic energy cancels."""
+        _, length = self._around()
+        floors = np.max(length[:, None] * np.abs(turns) - (self.h * self.duration)[:, None], axis=0)
+        return np.asarray(floors + 2 * float(self.energy.friction * self.energy.rate) * TURN * turns)
+
     def _around(self) -> tuple[np.ndarray, np.ndarray]:
         """Time and length of one turn at each level above the bottom of U."""
         bottom = self.well.minima[np.argmin(self.well.bottoms)]
@@ -270,14 +276,33 @@ def minimum_work(
         turns = round(program / TURN)
         if abs(program - TURN * turns) > 1e-9 * max(1.0, abs(program)):
             raise InputError("duration: a periodic end needs a whole number of laps")
-        choices = range(min(0, turns) - 2, max(0, turns) + 3) if winding is None else [winding]
-        found = [
-            least_work_of_a_cycle(energy, TURN * (k - turns), task.duration)
-            if free_start
-            else least_work_fixed_end(energy, start, start + TURN * (k - turns), (first, first), task.duration)
-            for k in choices
-        ]
-        return min(found, key=lambda item: item.work)
+        choices = np.arange(min(0, turns) - 2, max(0, turns) + 3) if winding is None else np.array([winding])
+        return _best_winding(energy, choices - turns, start, None if free_start else first, task.duration)
     raise InputError(
         f"end: least work on a circle is known for 'free', 'law' (with its state) and 'periodic', not {end!r}"
     )
+
+
+def _best_winding(
+    energy: CircleEnergy, turns: np.ndarray, start: float, kinetic_energy: float | None, duration: float
+) -> LeastWork:
+    """The least work over so many full turns of psi~; the start is chosen where it has no kinetic energy."""
+    if len(turns) > 1 and _resists(energy):
+        floors = _Cells(Well(float(energy.friction), energy.power), energy, duration).of_turns(turns)
+        order = np.argsort(floors)
+        turns, floors = turns[order], floors[order]
+    else:
+        floors = np.full(len(turns), -np.inf)
+    best: LeastWork | None = None
+    for turn, floor in zip(TURN * turns, floors, strict=True):
+        if best is not None and floor > best.work + 1e-9 * best.scale:
+            break
+        if kinetic_energy is None:
+            found = least_work_of_a_cycle(energy, float(turn), duration)
+        else:
+            ends = (kinetic_energy, kinetic_energy)
+            found = least_work_fixed_end(energy, start, start + float(turn), ends, duration)
+        if best is None or found.work < best.work:
+            best = found
+    assert best is not None
+    return best

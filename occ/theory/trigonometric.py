@@ -10,12 +10,18 @@ import numpy as np
 TURN = 2 * np.pi
 _GRID = np.arange(64) * (TURN / 64)
 _FINE = np.arange(512) * (TURN / 512)
+NEWTON_STEPS = 20
+SMALL_STEP = 1e-8
+"""[rad] After a step of Newton's method as short as this one the angle is exact to rounding."""
 
 
 def basis(x: np.ndarray) -> np.ndarray:
     """(5, ...) 1, cos x, sin x, cos 2x, sin 2x at the angles x [rad]."""
     c, s = np.cos(x), np.sin(x)
     return np.stack([np.ones_like(c), c, s, c * c - s * s, 2 * s * c])
+
+
+_GRID_BASIS = basis(_GRID)
 
 
 def value(p: np.ndarray, x: np.ndarray | float) -> np.ndarray:
@@ -80,27 +86,51 @@ def least(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Returns:
         Angle (N,) [rad] and least value (N,).
     """
-    best_x, best = np.zeros(p.shape[1:]), np.full(p.shape[1:], np.inf)
-    values = basis(_GRID).T @ p
-    bottom = (values <= np.roll(values, 1, axis=0)) & (values <= np.roll(values, -1, axis=0))
-    ranked = np.where(bottom, values, np.inf)
-    for _ in range(2):
-        k = np.argmin(ranked, axis=0)
-        x = _bottom(p, _GRID[k])
-        reached = value(p, x)
-        better = (reached < best) & np.isfinite(np.take_along_axis(ranked, k[None], axis=0)[0])
-        best_x, best = np.where(better, x, best_x), np.where(better, reached, best)
-        np.put_along_axis(ranked, k[None], np.inf, axis=0)
+    values = p.T @ _GRID_BASIS
+    rise = np.diff(values, axis=1, append=values[:, :1])
+    bottom = (rise >= 0) & np.roll(rise <= 0, 1, axis=1)
+    k = np.argmin(values, axis=1)
+    best_x = _bottom(p, values, k)
+    best = value(p, best_x)
+    # The other valley, where there is one, may be the deeper one between the points of the grid.
+    other = np.flatnonzero(np.count_nonzero(bottom, axis=1) > 1)
+    ranked = np.where(bottom[other], values[other], np.inf)
+    np.put_along_axis(ranked, k[other, None], np.inf, axis=1)
+    x = _bottom(p[:, other], values[other], np.argmin(ranked, axis=1))
+    reached = value(p[:, other], x)
+    better = reached < best[other]
+    best_x[other[better]], best[other[better]] = x[better], reached[better]
     return best_x, best
 
 
-def _bottom(p: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Newton's method from grid points at the bottom of a valley; it may not leave the neighbouring points."""
-    low, high = x - TURN / 64, x + TURN / 64
-    for _ in range(6):
-        _, c, s, c2, s2 = basis(x)
-        slope = p[2] * c - p[1] * s + 2 * (p[4] * c2 - p[3] * s2)
-        bend = -p[1] * c - p[2] * s - 4 * (p[3] * c2 + p[4] * s2)
+def _bottom(p: np.ndarray, values: np.ndarray, k: np.ndarray) -> np.ndarray:
+    """Bottoms of valleys by Newton's method, from the vertex of a parabola through three points of the grid.
+
+    Args:
+        p: (5, N).
+        values: (N, 64) on the grid.
+        k: (N,) lowest points of the valleys; the method may not leave the neighbouring points.
+
+    Returns:
+        (N,) [rad].
+    """
+    rows = np.arange(len(k))
+    before, here, after = values[rows, k - 1], values[rows, k], values[rows, (k + 1) % len(_GRID)]
+    bend = before - 2 * here + after
+    shift = np.divide(before - after, 2 * bend, out=np.zeros_like(bend), where=bend > 0)
+    low, high = _GRID[k] - _GRID[1], _GRID[k] + _GRID[1]
+    x = _GRID[k] + _GRID[1] * shift
+    active = slice(None)
+    for _ in range(NEWTON_STEPS):
+        part, angle = p[:, active], x[active]
+        c, s = np.cos(angle), np.sin(angle)
+        first, second = part[3] * c + part[4] * s, part[4] * c - part[3] * s
+        slope = c * (part[2] + 4 * second) - part[1] * s - 2 * part[4]
+        bend = 4 * part[3] - c * (part[1] + 8 * first) - part[2] * s
         step = np.divide(slope, bend, out=np.zeros_like(slope), where=bend > 0)
-        x = np.clip(x - step, low, high)
+        x[active] = np.clip(angle - step, low[active], high[active])
+        # Convergence is quadratic.
+        active = rows[active][np.abs(step) > SMALL_STEP]
+        if not active.size:
+            break
     return x
