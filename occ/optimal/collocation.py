@@ -14,6 +14,8 @@ from occ.errors import InputError, Status
 from occ.laws.base import law_motion
 from occ.laws.servo import ServoLaw
 from occ.model.dynamics import friction_time
+from occ.optimal import homotopy
+from occ.optimal.attempt import Attempt, Method
 from occ.optimal.cost import Aim, Weights, is_non_smooth, is_regular
 from occ.optimal.formulation import Formulation
 from occ.optimal.full import Full
@@ -21,7 +23,7 @@ from occ.optimal.limits import with_knots
 from occ.optimal.mesh import SchemeName, graded_mesh
 from occ.optimal.reduced import Reduced
 from occ.optimal.refinement import MOST_INTERVALS
-from occ.optimal.search import Attempt, Method, Search
+from occ.optimal.search import Search
 from occ.optimal.shape import EndConditions, Settings
 from occ.optimal.singular import note
 from occ.optimal.solvers import SolverName, SolverOptions
@@ -47,6 +49,8 @@ class Collocation:
     Args:
         objective: what to minimise; ``weighted`` takes the sum of objectives that ``weights`` gives.
         weights: factors of the objectives, where the objective is ``weighted``.
+        homotopy: of ``work`` only: several solves with less and less copper loss, and the limit to which their costs
+            tend, which no bounded torque attains; the row is the solve with the least copper loss.
         keep: ``path``: B exactly on its program; ``tube``: within ``radius`` of it; ``ends``: on it at the end only.
         radius: [m] of the tube.
         end: ``free``; ``law`` for the end state of the servo law from the same start; ``periodic`` for the start's
@@ -62,9 +66,12 @@ class Collocation:
         degree: of the state's polynomials in each interval.
         tolerance: largest error between nodes, relative to max(1, size) of each state and of the cost.
         starts: guesses from which the first mesh is solved; the best minimum is kept.
-        solver: of the nonlinear program: ``ipopt``, or ``fatrop``, which goes through the horizon stage by stage.
+        solver: of the nonlinear program: ``ipopt``, or ``fatrop``, which goes through the horizon stage by stage, and
+            which ipopt takes over from where it gives up.
+        compiled: the program's functions in machine code where there is a C compiler (solver fatrop): the same numbers
+            to the last bit, sooner where one program is solved many times.
         iterations: of the solver in each solve, at most.
-        seconds: [s] of the solver in each solve, at most; fatrop looks at its iterations only.
+        seconds: [s] of the solver in each solve, at most; fatrop gets the iterations that fit into them.
 
     Raises:
         InputError: keys that contradict each other.
@@ -86,6 +93,7 @@ class Collocation:
         "weighted",
     ]
     weights: Weights | None = None
+    homotopy: bool = False
     keep: Keep = "path"
     radius: Positive | None = None
     end: EndClass = "free"
@@ -99,6 +107,7 @@ class Collocation:
     tolerance: Positive = 1e-6
     starts: Annotated[int, Ge(1), Le(200)] = 1
     solver: SolverName = "ipopt"
+    compiled: bool = False
     iterations: Annotated[int, Ge(1), Le(100_000)] = 500
     seconds: Positive = 60.0
 
@@ -135,6 +144,10 @@ class Collocation:
     def _wrong_cost(self) -> str:
         if (self.objective == "weighted") != (self.weights is not None):
             return "weights should be given where objective is 'weighted', and left out elsewhere"
+        if self.homotopy and self.objective != "work":
+            return f"homotopy should be left out where objective is {self.objective!r}: only 'work' tends to a limit"
+        if self.compiled and self.solver != "fatrop":
+            return f"compiled should be left out where solver is {self.solver!r}: it is for 'fatrop'"
         return ""
 
     @property
@@ -146,14 +159,27 @@ class Collocation:
     def aim(self) -> Aim:
         """The weighted sum of objectives that is minimised."""
         asked = Aim.single(self.objective) if self.weights is None else Aim.weighted(self.weights)
-        return asked.regularised
+        return asked.regularised(self.keep)
 
     @property
     def options(self) -> SolverOptions:
         """Of the solver of the nonlinear programs."""
         # Slacks that are zero over whole arcs converge slowly; the error between nodes is larger by far.
         tolerance = NON_SMOOTH_TOLERANCE if is_non_smooth(self.aim.terms) else SolverOptions().tolerance
-        return SolverOptions(solver=self.solver, iterations=self.iterations, seconds=self.seconds, tolerance=tolerance)
+        return SolverOptions(
+            solver=self.solver,
+            compiled=self.compiled,
+            iterations=self.iterations,
+            seconds=self.seconds,
+            tolerance=tolerance,
+        )
+
+    @property
+    def method(self) -> Method:
+        """How the mesh is refined."""
+        # Torques that are constant in each interval belong to their mesh: on a finer one the problem is another.
+        doubled = self.control != "constant"
+        return Method(degree=self.degree, tolerance=self.tolerance, options=self.options, doubled=doubled)
 
     def check(self, task: Task) -> None:
         """Refuse a task whose program cannot end as asked.
@@ -188,6 +214,24 @@ class Collocation:
             InputError: a task whose program cannot end as asked.
         """
         self.check(task)
+        return self._limit(task) if self.homotopy else self._best(task)
+
+    def _limit(self, task: Task) -> Solution:
+        """Least work as the limit of a vanishing copper loss."""
+        tolerance = min(self.tolerance, homotopy.TOLERANCE)
+        regular = replace(self, objective="weighted", weights=Weights(work=1.0), homotopy=False, tolerance=tolerance)
+        found = homotopy.copper_loss_limit(lambda weights: replace(regular, weights=weights).solve(task))
+        if isinstance(found, Solution):
+            return found
+        last = found.solution
+        return replace(
+            last,
+            message=f"{found.words}: {last.message}",
+            statistics=last.statistics | {"copper_loss_limit": found.statistics},
+        )
+
+    def _best(self, task: Task) -> Solution:
+        """The best of all windings that the end leaves open."""
         best, tried = None, {}
         for winding in self._windings(task):
             solution = self._solve(task, winding)
@@ -198,7 +242,11 @@ class Collocation:
             if better:
                 best = solution
         assert best is not None
-        return replace(best, statistics=best.statistics | {"windings": tried}) if len(tried) > 1 else best
+        if len(tried) == 1:
+            return best
+        note = f"best of the windings {', '.join(f'{winding:+d}' for winding in tried if winding is not None)}"
+        message = f"{best.message}; {note}: {best.claim.winding:+d}" if best.status is Status.OK else best.message
+        return replace(best, message=message, statistics=best.statistics | {"windings": tried})
 
     def first_mesh(self, task: Task) -> np.ndarray:
         """(N + 1,) [s] Edges whose widths grow from the boundary layers at both ends, and the program's knots."""
@@ -253,8 +301,8 @@ class Collocation:
         formulation = self.posed(task, winding)
         if formulation is None:
             return replace(failed, message="the servo law is unstable on this horizon, so that it has no end state")
-        search = Search(formulation, Method(degree=self.degree, tolerance=self.tolerance, options=self.options))
-        starts = starts_of(task, self.starts, formulation.settings.ends.turn)
+        search = Search(formulation, self.method)
+        starts = starts_of(task, self.starts, formulation.settings.ends.turn, free=self.start == "free")
         attempts = search.starts(self.first_mesh(task), [start.rotation for start in starts])
         minima = distinct(formulation, starts, attempts)
         attempt, reason = search.run(minima[0].attempt if minima else attempts[0])
@@ -262,16 +310,30 @@ class Collocation:
         if attempt.outcome.status is not Status.OK or reason:
             status = attempt.outcome.status if attempt.outcome.status is not Status.OK else Status.FAILED
             return replace(failed, status=status, message=reason, statistics=statistics)
+        solution = self._solution(formulation, attempt, minima)
+        given_up = [r["instead"] for r in search.rounds if "instead" in r]
+        helped = [f"{len(given_up)} of {len(search.rounds)} solves by ipopt: {given_up[0]}"] if given_up else []
         return replace(
-            self._solution(formulation, attempt, minima),
+            solution,
+            message="; ".join([solution.message, *helped]),
             claim=claim,
-            statistics=statistics
-            | {"claimed_cost": attempt.outcome.cost, "complementarity_W": self._complementarity(formulation, attempt)},
+            statistics=statistics | self._quality(formulation, attempt),
         )
 
     @staticmethod
-    def _complementarity(formulation: Formulation, attempt: Attempt) -> float | None:
-        return formulation.complementarity(attempt.transcription, attempt.outcome.nodes, attempt.numbers)
+    def _quality(formulation: Formulation, attempt: Attempt) -> dict[str, float | None]:
+        """What is claimed of a solution that is fine: cost, errors, complementarity."""
+        assert attempt.error is not None
+        return {
+            "claimed_cost": attempt.outcome.cost,
+            "error": attempt.error.total,
+            "doubled_mesh": attempt.doubled if math.isfinite(attempt.doubled) else None,
+            "control_growth": attempt.growth if math.isfinite(attempt.growth) else None,
+            "limits_cost": attempt.dearer,
+            "complementarity_W": formulation.complementarity(
+                attempt.transcription, attempt.outcome.nodes, attempt.numbers
+            ),
+        }
 
     def _solution(self, formulation: Formulation, attempt: Attempt, minima: list[Minimum]) -> Solution:
         transcription, nodes, edges = attempt.transcription, attempt.outcome.nodes, attempt.edges
@@ -285,10 +347,9 @@ class Collocation:
 
     def _notes(self, formulation: Formulation, attempt: Attempt, minima: list[Minimum]) -> list[str]:
         """What there is to say of a solution that is fine."""
-        assert attempt.error is not None
-        notes = [f"local optimum, error between nodes {attempt.error.total:.1g} on {len(attempt.edges) - 1} intervals"]
+        notes = [f"local optimum, {attempt.words}"]
         if not is_regular(self.aim.terms):
-            notes.append(note(formulation, attempt.edges, attempt.outcome.nodes))
+            notes.append(note(formulation, attempt))
         if is_non_smooth(self.aim.terms) and self.aim.terms[-1] == "copper_loss" and self.objective != "weighted":
             notes.append(
                 f"with {self.aim.weights[-1]:g} times the copper loss to settle what the objective leaves open"

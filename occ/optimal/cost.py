@@ -15,6 +15,7 @@ import numpy as np
 from occ.checks import NonNegative, check_fields
 from occ.errors import InputError
 from occ.objectives import OBJECTIVES, Objective
+from occ.task import Keep
 
 REGULARISER = 1e-3
 """Copper loss, in units of the real one, that is added to a cost of powers without curvature in the torques.
@@ -22,6 +23,12 @@ REGULARISER = 1e-3
 It smooths jumps of the velocity over a few milliseconds and moves the work by about 1e-6 of its value."""
 LARGEST_REGULARISER = 1e-5
 """[N m/J] Copper loss that is added to the largest torque."""
+LOOSE: dict[Keep, float] = {"path": 1.0, "tube": 10.0, "ends": 30.0}
+"""Factor of both for each keep.  Where B may leave its path all three velocities have jumps, and wheels that may brake
+for nothing do so in pulses unless the copper loss speaks against it; in a tube the objective moves by about 2e-5 of its
+value, between the ends by about 1e-3."""
+SOFTER = (100.0, 10.0)
+"""Factors of the added copper loss with which a search begins: each problem is the guess of the next, rougher one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,19 +80,33 @@ class Aim:
         """One objective."""
         return cls((name,), (1.0,))
 
-    @property
-    def regularised(self) -> Aim:
+    def regularised(self, keep: Keep) -> Aim:
         """With a small copper loss where slacks or a largest torque would leave torques undetermined.
 
         A linear cost of powers, or of one torque among many, has many minima or none that is attained; the copper loss
         is the physical cost that chooses among them.
+
+        Args:
+            keep: of B.
         """
         items = objectives_of(self.terms)
         if is_regular(self.terms) or not is_non_smooth(self.terms):
             return self
         powers = sum(weight for item, weight in zip(items, self.weights, strict=True) if not item.largest)
         largest = sum(weight for item, weight in zip(items, self.weights, strict=True) if item.largest)
-        return Aim((*self.terms, "copper_loss"), (*self.weights, REGULARISER * powers + LARGEST_REGULARISER * largest))
+        added = (REGULARISER * powers + LARGEST_REGULARISER * largest) * LOOSE[keep]
+        return Aim((*self.terms, "copper_loss"), (*self.weights, added))
+
+    @property
+    def is_regularised(self) -> bool:
+        """Whether the last term is a copper loss that settles what the others leave open."""
+        return self.terms[-1] == "copper_loss" and not is_regular(self.terms[:-1]) and is_non_smooth(self.terms)
+
+    def softer(self) -> list[Aim]:
+        """The same with more of the added copper loss, the softest first; none where there is no such loss."""
+        if not self.is_regularised:
+            return []
+        return [Aim(self.terms, (*self.weights[:-1], factor * self.weights[-1])) for factor in SOFTER]
 
     @classmethod
     def weighted(cls, weights: Weights) -> Aim:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -18,13 +18,7 @@ from occ.model.coefficients import coefficients
 from occ.model.dynamics import friction_time
 from occ.optimal.cost import is_regular, slack_shares
 from occ.optimal.error import fine_points
-from occ.optimal.limits import (
-    LimitedArcs,
-    limit_values,
-    limited_quantities,
-    line_numbers,
-    sample_places,
-)
+from occ.optimal.limits import limit_values, limited_quantities, line_numbers
 from occ.optimal.problem import Bounds, Nodes, Numbers, Problem, flat
 from occ.optimal.shape import Settings, Shape
 from occ.optimal.transcription import Transcription
@@ -162,51 +156,57 @@ class Formulation(ABC):
         Returns:
             States and controls to start from.
         """
-        nodes = self.motion_guess(transcription, edges, rotation)
+        return self.with_slacks(transcription, edges, self.motion_guess(transcription, edges, rotation))
+
+    def with_slacks(self, transcription: Transcription, edges: np.ndarray, nodes: Nodes) -> Nodes:
+        """The same motion with the least slacks and the least largest torque that it allows.
+
+        Args:
+            transcription: of this formulation's problem.
+            edges: (N + 1,) [s].
+            nodes: a motion; its slacks and largest torque are overlooked.
+
+        Returns:
+            Other nodes where there are slacks or a largest torque.
+        """
         shape = self.shape
         if not (shape.slacks or shape.peaks):
             return nodes
+        nodes = Nodes(nodes.edges.copy(), nodes.points.copy(), nodes.control.copy())
+        *_, slacks, peaks = shape.following()
+        if slacks:
+            nodes.control[-slacks:] = 0.0
+        if peaks:
+            nodes.edges[-1], nodes.points[-1] = 0.0, 0.0
         data = flat(self.data(edges, transcription.scheme.points))
         path = transcription.evaluate(flat(nodes.points), flat(nodes.control), data, self.parameters())[2]
-        *_, slacks, peaks = shape.following()
         rows = len(path) - slacks - peaks
         if slacks:
             # With slack zero the row is the negative of the power.
-            nodes.control[-slacks:] = np.maximum(-path[rows : rows + slacks], 0.0).reshape(
-                nodes.control[-slacks:].shape
-            )
+            powers = -path[rows : rows + slacks].reshape(nodes.control[-slacks:].shape)
+            nodes.control[-slacks:] = np.maximum(powers, 0.0)
         if peaks:
             largest = float(path[rows + slacks :].max())
             nodes.edges[-1], nodes.points[-1] = largest, largest
         return nodes
 
-    def arcs(self, transcription: Transcription, nodes: Nodes, numbers: Numbers) -> LimitedArcs | None:
-        """Limits, largest torque and clipped powers along the polynomials, between the nodes too.
+    def softer(self) -> list[Formulation]:
+        """The same task with more of the copper loss that settles what its objective leaves open, the softest first."""
+        aims = self.settings.aim.softer()
+        return [replace(self, settings=replace(self.settings, aim=aim)) for aim in aims]
+
+    def aimed(self, transcription: Transcription, edges: np.ndarray, nodes: Nodes) -> Formulation | None:
+        """The same task, aimed beside its end by as much as the torques of a solution miss what its polynomials hit.
 
         Args:
             transcription: of this formulation's problem.
+            edges: (N + 1,) [s].
             nodes: the solution.
-            numbers: with which it was found.
 
         Returns:
-            None where there is nothing of the kind.
+            None where the torques hit the end.
         """
-        values = self.hard_limits
-        if not (len(values) or self.shape.slacks or self.shape.peaks):
-            return None
-        s = sample_places()
-        state, control = self.between(transcription, numbers.edges, nodes, s)
-        between = self.loads(transcription, state, control, self.data(numbers.edges, s))
-        at_nodes = self.loads(transcription, nodes.points, nodes.control, numbers.data)
-        t = numbers.edges[:-1, None] + np.diff(numbers.edges)[:, None] * s
-        return LimitedArcs(
-            t=t,
-            load=between[0].reshape(len(between[0]), *t.shape),
-            node_times=transcription.node_times(numbers.edges).ravel(),
-            node_load=at_nodes[0],
-            hard=len(values),
-            clipped=between[1].reshape(len(between[1]), *t.shape),
-        )
+        return None
 
     def between(
         self, transcription: Transcription, edges: np.ndarray, nodes: Nodes, s: np.ndarray
@@ -214,31 +214,6 @@ class Formulation(ABC):
         """States (nx, N, m) and controls (nu, N, m) at the places s (m,) in every interval, as `control` makes them."""
         state, _, control = transcription.interpolate(nodes, s)
         return state, control
-
-    def loads(
-        self, transcription: Transcription, state: np.ndarray, control: np.ndarray, data: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """|quantity| / limit of every limit, |M| / largest torque, and the clipped powers at nodes of any kind.
-
-        Args:
-            transcription: of this formulation's problem.
-            state: (nx, N, m).
-            control: (nu, N, m).
-            data: (nd, N, m).
-
-        Returns:
-            (k, N m) and (j, N m).
-        """
-        values = self.hard_limits
-        path = transcription.evaluate(flat(state), flat(control), flat(data), self.parameters())[2]
-        *_, slacks, peaks = self.shape.following()
-        rows = len(path) - slacks - peaks
-        load = np.abs(path[: len(values)]) / values[:, None]
-        if peaks:
-            least = path[rows + slacks :].reshape(2, -1, path.shape[1]).min(axis=0)
-            load = np.concatenate([load, 1.0 - least / flat(state)[-1]])
-        clipped = flat(control)[len(control) - slacks :] - path[rows : rows + slacks]
-        return load, clipped
 
     def overpaid(self, transcription: Transcription, nodes: Nodes, numbers: Numbers) -> np.ndarray:
         """(N,) Integral of sum share * min(p, p - P) in each interval: what the slacks cost beyond what they stand for.

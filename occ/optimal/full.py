@@ -7,7 +7,9 @@ only repeat it.
 
 from __future__ import annotations
 
-from functools import cache
+from dataclasses import replace
+from functools import cache, cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,14 +21,19 @@ from occ.model.constraint import path_functions
 from occ.model.dynamics import state_rate
 from occ.numeric import evaluate_many
 from occ.optimal.cost import cost_of
+from occ.optimal.driven import DrivenMotion
 from occ.optimal.formulation import Formulation, Rotation
 from occ.optimal.limits import LimitedMoment, limit_expressions
-from occ.optimal.problem import Bounds, Names, Nodes, Problem, Row
+from occ.optimal.problem import Bounds, Names, Nodes, Problem, Row, flat
 from occ.optimal.reduced import claim_places, path_control
 from occ.optimal.shape import Shape
 from occ.optimal.transcription import Transcription
 from occ.trajectory import PiecewisePolynomial, Trajectory
 
+MISSED = 1e-6
+"""[SI units] An end is hit by the torques if they miss it by at most this; the referee allows ten times as much."""
+STEP = 1e-4
+"""Part of an interval over which torques are differenced."""
 STATES = (
     Row("x", "m"),
     Row("y", "m"),
@@ -46,16 +53,19 @@ def full_problem(shape: Shape) -> Problem:
 
     Returns:
         Problem with node data (r_B*, r_B*') (4,) and parameters: packed matrices, point B, weights, torque-speed line,
-        1 / radius^2 of the tube, r_B* and r_B*' at start and end (8,), factors of M^2 and of the squared null torque
-        that are added to the integrand (see `Formulation.damping`); boundary conditions: x(T) - x(0), position and
-        velocity of B off its program at the start and at the end.  Under a limit of the torque rate M is a state and
-        its derivative the control.
+        1 / radius^2 of the tube, r_B* and r_B*' at start and end and r_B*'' at the start (10,), factors of M^2 and of
+        the squared null torque that are added to the integrand (see `Formulation.damping`); boundary conditions:
+        x(T) - x(0), position and velocity of B off its program at the start and at the end.  Under a limit of the
+        torque rate M is a state and its derivative the control.  With B on its path its acceleration is then held as
+        well, at the start, too, and two further controls w in V' = .. + w take up what velocity and acceleration
+        together leave over, so that both can be imposed at every collocation point; r_B*'' (2,) is data, too.
     """
     n = shape.wheel_count
     state, torque = ca.SX.sym("state", 6), ca.SX.sym("torque", n)
-    data, packed, point = ca.SX.sym("program", 4), ca.SX.sym("coefficients", packed_size(n)), ca.SX.sym("point", 2)
+    data = ca.SX.sym("program", 6 if shape.starts_on_path else 4)
+    packed, point = ca.SX.sym("coefficients", packed_size(n)), ca.SX.sym("point", 2)
     weights, line, tube = ca.SX.sym("weights", len(shape.terms)), ca.SX.sym("line", 2), ca.SX.sym("tube")
-    program_ends, damping = ca.SX.sym("program_ends", 8), ca.SX.sym("damping", 2)
+    program_ends, damping = ca.SX.sym("program_ends", 10), ca.SX.sym("damping", 2)
     k, velocity = unpack(packed, n), state[3:]
     rates = k.wheel_rates @ velocity
     cost = cost_of(shape.terms, weights, torque, rates, ca.bilin(k.friction, velocity, velocity))
@@ -66,11 +76,16 @@ def full_problem(shape: Shape) -> Problem:
         control = torque_rate = ca.SX.sym("torque_rate", n)
         states.append(torque)
         rows.append(torque_rate)
+    position_error, velocity_error = _off_program(point, state, data[:4])
+    acceleration_error = ca.jtimes(velocity_error, state, rate) - data[4:] if shape.starts_on_path else ca.SX(0, 1)
+    if shape.starts_on_path:
+        correction = ca.SX.sym("correction", 2)
+        control = ca.vertcat(control, correction)
+        rows[0] = rate + ca.vertcat(0, 0, 0, correction, 0)
     x = ca.vertcat(*states, cost.peak)
     start, end = ca.SX.sym("start", x.numel()), ca.SX.sym("end", x.numel())
-    position_error, velocity_error = _off_program(point, state, data)
     keeping = {
-        "path": velocity_error,
+        "path": ca.vertcat(velocity_error, acceleration_error),
         "tube": ca.sumsqr(position_error) * tube,
         "ends": ca.SX(0, 1),
     }[shape.keep]
@@ -78,6 +93,14 @@ def full_problem(shape: Shape) -> Problem:
     if cost.peak.numel():
         terminal += cost.peak_weight * end[-1]
     moment = LimitedMoment(torque, rates, velocity, torque_rate, line)
+    boundary = [
+        end[:6] - start[:6],
+        *_off_program(point, start[:6], program_ends[:4]),
+        *_off_program(point, end[:6], program_ends[4:8]),
+    ]
+    if shape.starts_on_path:
+        moment_of_start = ca.vertcat(start[: 6 + n], program_ends[8:])
+        boundary.append(ca.substitute(acceleration_error, ca.vertcat(state, torque, data[4:]), moment_of_start))
     return Problem(
         state=x,
         control=ca.vertcat(control, cost.slacks),
@@ -89,11 +112,7 @@ def full_problem(shape: Shape) -> Problem:
         integrand=cost.integrand + damping[0] * ca.sumsqr(torque) + damping[1] * ca.sumsqr(null),
         terminal=terminal,
         path=ca.vertcat(limit_expressions(shape.limits, moment), keeping, cost.slack_rows, cost.peak_rows),
-        boundary=ca.vertcat(
-            end[:6] - start[:6],
-            *_off_program(point, start[:6], program_ends[:4]),
-            *_off_program(point, end[:6], program_ends[4:]),
-        ),
+        boundary=ca.vertcat(*boundary),
         names=_names(shape),
         held=n if shape.constant else 0,
     )
@@ -119,12 +138,18 @@ def _names(shape: Shape) -> Names:
         for row in off
         for axis in "xy"
     ]
+    first = tuple(Row(f"acceleration of B off its program at the start, {axis}", "m/s^2") for axis in "xy")
+    corrections = tuple(Row(f"correction of V_{axis}'", "m/s^2") for axis in "XY" if shape.starts_on_path)
     states = (*STATES, *torques) if shape.has_torque_states else STATES
     return Names(
         state=(*states, *peaks),
-        control=(*(rates if shape.has_torque_states else torques), *slacks),
+        control=(*(rates if shape.has_torque_states else torques), *corrections, *slacks),
         path=shape.path_names(),
-        boundary=(*[Row(f"change of {row.quantity}", row.unit) for row in STATES], *at_ends),
+        boundary=(
+            *[Row(f"change of {row.quantity}", row.unit) for row in STATES],
+            *at_ends,
+            *(first if shape.starts_on_path else ()),
+        ),
     )
 
 
@@ -147,12 +172,13 @@ class Full(Formulation):
 
     def data(self, edges: np.ndarray, s: np.ndarray) -> np.ndarray:
         t = edges[:-1, None] + np.diff(edges)[:, None] * s
-        position, velocity, _ = self.task.motion.at(t.ravel())
-        return np.vstack([position, velocity]).reshape(4, *t.shape)
+        position, velocity, acceleration = self.task.motion.at(t.ravel())
+        values = [position, velocity, acceleration] if self.shape.starts_on_path else [position, velocity]
+        return np.vstack(values).reshape(-1, *t.shape)
 
     def parameters(self) -> np.ndarray:
-        position, velocity, _ = self.task.motion.at(np.array([0.0, self.task.duration]))
-        ends = np.concatenate([position, velocity]).ravel(order="F")
+        position, velocity, acceleration = self.task.motion.at(np.array([0.0, self.task.duration]))
+        ends = np.append(np.concatenate([position, velocity]).ravel(order="F"), acceleration[:, 0])
         radius = self.settings.radius
         _, squared = self.damping()
         damping = [0.0 if self.settings.scheme == "radau" else squared, squared]
@@ -162,7 +188,8 @@ class Full(Formulation):
         task, ends, keep = self.task, self.settings.ends, self.settings.keep
         start = task.state_on_program(0.0, task.start.heading, task.start.heading_rate)
         end_lower, end_upper = np.full(6, -np.inf), np.full(6, np.inf)
-        boundary = np.full(14, np.nan)
+        boundary = np.full(16 if self.shape.starts_on_path else 14, np.nan)
+        boundary[14:] = 0.0
         if ends.end == "law":
             assert ends.law_end is not None
             # With B on its path only the rotation is left to be asked for.
@@ -189,6 +216,10 @@ class Full(Formulation):
             start_bounds = Bounds(lower=start - turn, upper=start + turn)
         else:
             start_bounds = Bounds.fixed(start)
+        if self.settings.aside is not None:
+            end_lower, end_upper = end_lower + self.settings.aside[:6], end_upper + self.settings.aside[:6]
+            boundary[:6] += self.settings.aside[:6]
+            boundary[10:14] += self.settings.aside[6:]
         asked = ~np.isnan(boundary)
         difference = Bounds(lower=np.where(asked, boundary, -np.inf), upper=np.where(asked, boundary, np.inf))
         return start_bounds, Bounds(lower=end_lower, upper=end_upper), difference
@@ -241,44 +272,92 @@ class Full(Formulation):
         k: Coefficients = self.task.dynamics.coefficients
         n = self.task.platform.wheel_count
         points = transcription.scheme.points
-        _, derivative, control = transcription.interpolate(nodes, points)
-        torque = nodes.points[6 : 6 + n] if self.shape.has_torque_states else control[:n]
+        if self.shape.has_torque_states:
+            # Continuous from one interval to the next, as the torques are.
+            points = transcription.scheme.nodes
+            whole = np.concatenate([nodes.edges[:, :-1, None], nodes.points], axis=2)
+            torque = whole[6 : 6 + n]
+            (rate,) = evaluate_many(self.task.dynamics.functions["forward"], flat(whole[:6]), flat(torque))
+            acceleration = rate[5].reshape(torque.shape[1:])
+        else:
+            _, derivative, control = transcription.interpolate(nodes, points)
+            torque, acceleration = control[:n], derivative[5] / np.diff(edges)[:, None]
         null = np.einsum("nj,nkm->jkm", np.array(k.null_torque), torque)
-        acceleration = derivative[5] / np.diff(edges)[:, None]
         return PiecewisePolynomial(edges, points, np.concatenate([acceleration[None], null]))
 
     def between(
         self, transcription: Transcription, edges: np.ndarray, nodes: Nodes, s: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         state, control = super().between(transcription, edges, nodes, s)
+        t = (edges[:-1, None] + np.diff(edges)[:, None] * s).ravel()
         if self.settings.keep != "path":
+            state[:6] = self.driven(transcription, edges, nodes)(t).reshape(6, *state.shape[1:])
             return state, control
         # The torques that are handed over are those of the rotation with B exactly on its program.
-        t = (edges[:-1, None] + np.diff(edges)[:, None] * s).ravel()
-        chosen = self._chosen(transcription, edges, nodes)
-        signal = (chosen.values @ chosen.basis(s)).reshape(len(chosen.values), -1)
-        heading, yaw_rate = state[2].ravel(), state[5].ravel()
-        torque = self._torque_on_program(t, heading, yaw_rate, signal[0])
-        torque += np.array(self.task.dynamics.coefficients.null_torque) @ signal[1:]
-        state[:6] = self.task.states_on_program(t, heading, yaw_rate).reshape(6, *state.shape[1:])
-        if self.shape.has_torque_states:
-            state[6 : 6 + len(torque)] = torque.reshape(-1, *state.shape[1:])
-        else:
-            control[: len(torque)] = torque.reshape(-1, *state.shape[1:])
+        torque = self._torque_on_path(transcription, edges, nodes, (s, np.zeros_like(s)))
+        state[:6] = self.task.states_on_program(t, state[2].ravel(), state[5].ravel()).reshape(6, *state.shape[1:])
+        if not self.shape.has_torque_states:
+            control[: len(torque)] = torque
+            return state, control
+        state[6 : 6 + len(torque)] = torque
+        steps = np.clip([s - STEP, s + STEP], 0.0, 1.0) - s
+        before, after = (self._torque_on_path(transcription, edges, nodes, (s, step)) for step in steps)
+        control[: len(torque)] = (after - before) / (np.diff(edges)[:, None] * (steps[1] - steps[0]))
         return state, control
+
+    def _torque_on_path(
+        self, transcription: Transcription, edges: np.ndarray, nodes: Nodes, places: tuple[np.ndarray, np.ndarray]
+    ) -> np.ndarray:
+        """(n, N, m) Torques of a solution with B exactly on its program, steps away from places, (m,) each."""
+        s, step = places
+        widths = np.diff(edges)[:, None]
+        state, *_ = transcription.interpolate(nodes, s)
+        chosen = self._chosen(transcription, edges, nodes)
+        here, there = (chosen.values @ chosen.basis(at) for at in (s, s + step))
+        # The yaw acceleration that is handed over, not the derivative of the polynomials, goes on from there.
+        ahead = widths * step
+        heading = state[2] + ahead * (state[5] + ahead / 2 * here[0])
+        yaw_rate = state[5] + ahead * here[0]
+        t = edges[:-1, None] + widths * (s + step)
+        torque = self._torque_on_program(t.ravel(), heading.ravel(), yaw_rate.ravel(), there[0].ravel())
+        torque += np.array(self.task.dynamics.coefficients.null_torque) @ there[1:].reshape(len(there) - 1, -1)
+        return torque.reshape(-1, *state.shape[1:])
+
+    def aimed(self, transcription: Transcription, edges: np.ndarray, nodes: Nodes) -> Formulation | None:
+        if self.settings.keep == "path" or (self.settings.keep == "tube" and self.settings.ends.end == "free"):
+            return None
+        both = np.column_stack([nodes.edges[:6, -1], self.driven(transcription, edges, nodes).end_state])
+        whole = np.concatenate([both, *self.task.point_motion(both)])
+        aside = whole[:, 0] - whole[:, 1]
+        before = np.zeros(10) if self.settings.aside is None else self.settings.aside
+        if np.abs(aside - before).max() <= MISSED:
+            return None
+        return replace(self, settings=replace(self.settings, aside=aside))
+
+    def driven(self, transcription: Transcription, edges: np.ndarray, nodes: Nodes) -> DrivenMotion:
+        """The motion that the torques of a solution make; that of the last solution is kept."""
+        if not self._last or self._last[0] is not nodes:
+            motion = DrivenMotion(self.task, self.control(transcription, edges, nodes), self.start_state(nodes))
+            self._last[:] = nodes, motion
+        return self._last[1]
+
+    @cached_property
+    def _last(self) -> list[Any]:
+        """The last nodes and their motion."""
+        return []
 
     def claimed(self, transcription: Transcription, edges: np.ndarray, nodes: Nodes) -> Trajectory:
         s, t = claim_places(edges)
+        if self.settings.keep != "path":
+            state = self.driven(transcription, edges, nodes)(t)
+            torque = self.control(transcription, edges, nodes).torque(t, state)
+            return Trajectory(t, state, evaluate_many(self.task.dynamics.functions["forward"], state, torque)[0])
         state, derivative, _ = transcription.interpolate(nodes, np.append(s, 1.0))
         rate = derivative / np.diff(edges)[:, None]
-
-        def in_time(values: np.ndarray) -> np.ndarray:
-            return np.concatenate([values[:, :, :-1].reshape(len(values), -1), values[:, -1, -1:]], axis=1)
-
-        state, rate = in_time(state[:6]), in_time(rate[:6])
-        if self.settings.keep == "path":
-            return path_trajectory(self.task, t, state[2], state[5], rate[5])
-        return Trajectory(t, state, rate)
+        heading, yaw_rate, acceleration = (
+            np.append(row[:, :-1].ravel(), row[-1, -1]) for row in (state[2], state[5], rate[5])
+        )
+        return path_trajectory(self.task, t, heading, yaw_rate, acceleration)
 
     def start_state(self, nodes: Nodes) -> np.ndarray:
         if self.settings.keep == "path":

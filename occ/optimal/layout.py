@@ -30,7 +30,7 @@ class Layout:
 
     Args:
         edges: (nx, N + 1) unknowns: states at the edges.
-        points: (nx, N, d) unknowns: states at the collocation points.
+        points: (nx, N, d) unknowns: states at the collocation points; None where they are integrals of the controls.
         control: (nu, N, d) unknowns.
         start: (nx,) unknowns that stand for x(0) in terminal cost and boundary conditions.
         memory: (nm, N + 1) unknowns: x(0) carried from stage to stage; nm is 0 or nx.
@@ -45,7 +45,7 @@ class Layout:
     """
 
     edges: np.ndarray
-    points: np.ndarray
+    points: np.ndarray | None
     control: np.ndarray
     start: np.ndarray
     memory: np.ndarray
@@ -61,7 +61,14 @@ class Layout:
     @property
     def unknowns(self) -> int:
         """How many there are."""
-        return 1 + max(int(a.max()) for a in (self.edges, self.points, self.control, self.memory) if a.size)
+        blocks = (self.edges, self.points, self.control, self.memory)
+        return 1 + max(int(block.max()) for block in blocks if block is not None and block.size)
+
+    @property
+    def of_intervals(self) -> np.ndarray:
+        """(nx + d nu, N) Unknowns x_k, u_1 .. u_d of each interval."""
+        controls, count, degree = self.control.shape
+        return np.concatenate([self.edges[:, :-1], self.control.transpose(2, 0, 1).reshape(degree * controls, count)])
 
     @property
     def conditions(self) -> int:
@@ -121,7 +128,7 @@ def blocks(problem: Problem, scheme: Scheme, intervals: int) -> Layout:
     )
 
 
-def stages(problem: Problem, scheme: Scheme, intervals: int, boundary: bool) -> Layout:
+def stages(problem: Problem, scheme: Scheme, intervals: int, boundary: bool, integrated: bool = False) -> Layout:
     """Stage k: x_k, then the interval's points and controls; its step, its defects, its path conditions.
 
     A boundary condition or terminal cost that couples x(0) and x(T) reaches over all stages; x(0) is then carried along
@@ -132,21 +139,24 @@ def stages(problem: Problem, scheme: Scheme, intervals: int, boundary: bool) -> 
         scheme: of collocation.
         intervals: N.
         boundary: keep the boundary conditions.
+        integrated: states at the points are integrals of the controls, neither unknowns nor conditions.
 
     Returns:
         A layout with the sizes of its stages.
     """
     nx, nu, _, _, nh, nb = problem.sizes
     degree, count = len(scheme.points), intervals
+    inner = 0 if integrated else degree * nx
     carried = nx if (boundary and nb) or problem.couples_ends_in_cost() else 0
-    each_unknown = (nx + carried) + degree * (nx + nu)
-    each_condition = (nx + carried) + degree * (nx + nh)
+    each_unknown = (nx + carried) + inner + degree * nu
+    held = problem.held * (degree - 1)
+    each_condition = (nx + carried) + inner + degree * nh + held
     unknown = np.arange(count) * each_unknown
     condition = np.arange(count) * each_condition + np.where(np.arange(count) > 0, carried, 0)
 
-    def within(begin: np.ndarray, offset: int, size: int) -> np.ndarray:
-        """(size, N, d) Numbers of a block of every interval, point by point."""
-        local = offset + np.arange(size * degree).reshape(size, degree, order="F")
+    def within(begin: np.ndarray, offset: int, size: int, points: int = degree) -> np.ndarray:
+        """(size, N, points) Numbers of a block of every interval, point by point."""
+        local = offset + np.arange(size * points).reshape(size, points, order="F")
         return begin[None, :, None] + local[:, None, :]
 
     def at_edges(begin: np.ndarray, offset: int, size: int) -> np.ndarray:
@@ -156,23 +166,24 @@ def stages(problem: Problem, scheme: Scheme, intervals: int, boundary: bool) -> 
     states = at_edges(np.append(unknown, last), 0, nx)
     memory = at_edges(np.append(unknown, last), nx, carried)
     final = count * each_condition + carried
-    own = degree * (nx + nh)
+    own = inner + degree * nh + held
+    empty = np.zeros((0, count, degree), dtype=int)
     return Layout(
         edges=states,
-        points=within(unknown, nx + carried, nx),
-        control=within(unknown, nx + carried + degree * nx, nu),
+        points=None if integrated else within(unknown, nx + carried, nx),
+        control=within(unknown, nx + carried + inner, nu),
         start=memory[:, -1] if carried else states[:, 0],
         memory=memory,
-        defects=within(condition, nx + carried, nx),
+        defects=empty if integrated else within(condition, nx + carried, nx),
         ends=at_edges(condition, 0, nx),
         steps=at_edges(condition, nx, carried),
         first=np.arange(carried) + each_condition,
-        holds=np.zeros((0, count, degree - 1), dtype=int),
-        path=within(condition, nx + carried + degree * nx, nh),
+        holds=within(condition, nx + carried + inner + degree * nh, problem.held, degree - 1),
+        path=within(condition, nx + carried + inner, nh),
         boundary=final + np.arange(nb) if boundary else None,
         stages=Stages(
             states=np.full(count + 1, nx + carried),
-            controls=np.append(np.full(count, degree * (nx + nu)), 0),
+            controls=np.append(np.full(count, inner + degree * nu), 0),
             conditions=np.concatenate([[own + carried], np.full(count - 1, own), [nb if boundary else 0]]),
         ),
     )

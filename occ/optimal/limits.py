@@ -19,8 +19,6 @@ QUANTITIES = ("torque", "wheel_speed", "wheel_power", "torque_speed_line", "plat
 """What can be limited, in the order of the path conditions; the names are those of `occ.task.Limits`."""
 NEEDS_NULL_TORQUE = ("torque", "wheel_power", "torque_speed_line", "torque_rate")
 """Limits that see how a wrench is shared among the wheels."""
-SAMPLES = 24
-"""Places in each interval at which limits are looked at."""
 ACTIVE = 1e-5
 """A quantity this close to its limit, relative to it, counts as on it."""
 MOST_MOVED = 0.2
@@ -134,6 +132,7 @@ class LimitedArcs:
     Args:
         t: (N, m) [s] sample times in each interval, its ends included.
         load: (k, N, m) |quantity| / limit.
+        largest: (k, N) upper bounds of it in each interval, between the samples too.
         node_times: (N d,) [s].
         node_load: (k, N d) the same at the collocation points.
         hard: so many of the rows are limits of the task; the others follow the solution (the largest torque).
@@ -142,6 +141,7 @@ class LimitedArcs:
 
     t: np.ndarray
     load: np.ndarray
+    largest: np.ndarray
     node_times: np.ndarray
     node_load: np.ndarray
     hard: int
@@ -150,7 +150,7 @@ class LimitedArcs:
     @property
     def excess(self) -> np.ndarray:
         """(k, N) Largest excess in each interval, relative to the limit; 0 where there is none."""
-        return np.maximum(self.load.max(axis=2) - 1.0, 0.0)
+        return np.maximum(self.largest - 1.0, 0.0)
 
     @property
     def hard_excess(self) -> np.ndarray:
@@ -187,23 +187,19 @@ class LimitedArcs:
         return np.sort(t[k] + (t[k + 1] - t[k]) * before / (before - after))
 
 
-def sample_places() -> np.ndarray:
-    """(m,) Places in [0, 1] at which limits are looked at, crowded towards the ends like Chebyshev's points."""
-    return (1 - np.cos(np.pi * np.arange(SAMPLES + 1) / SAMPLES)) / 2
-
-
-def with_knots(edges: np.ndarray, times: np.ndarray) -> np.ndarray:
+def with_knots(edges: np.ndarray, times: np.ndarray, kept: np.ndarray | None = None) -> np.ndarray:
     """A mesh with an edge at every switching time: a near edge is moved there, otherwise a new one is put in.
 
     Args:
         edges: (N + 1,) [s] without knots.
         times: [s] switching times.
+        kept: [s] edges that stay where they are, beside the first and the last: knots of the program.
 
     Returns:
         (M + 1,) edges; M is rounded up to a multiple of four by bisecting the widest intervals.
     """
     result = list(edges)
-    fixed = {edges[0], edges[-1]}
+    fixed = {edges[0], edges[-1], *([] if kept is None else kept)}
     span = edges[-1] - edges[0]
     for time in times:
         if min(abs(time - f) for f in fixed) < 1e-7 * span:

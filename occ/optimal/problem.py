@@ -125,6 +125,12 @@ class Bounds:
         """(k,) of booleans: where there is a bound on either side."""
         return np.isfinite(self.lower) | np.isfinite(self.upper)
 
+    @property
+    def has_room(self) -> bool:
+        """Some bound is an inequality."""
+        room = self.lower < self.upper
+        return bool(room.any()) and bool((room & self.finite).any())
+
 
 @dataclass(frozen=True, kw_only=True)
 class Numbers:
@@ -137,7 +143,7 @@ class Numbers:
         start: of x(0).
         end: of x(T).
         state: of x at all nodes; None is free.
-        control: of u at all collocation points; None is free.
+        control: of u, the same at all collocation points (nu,) or point by point (nu, N, d); None is free.
         path: of h, the same at all nodes (nh,) or node by node (nh, N, d); None where there is no h.
         boundary: of B; None where there is no B.
     """

@@ -20,6 +20,7 @@ from occ.numeric import evaluate_many
 from occ.optimal.cost import Cost, cost_of
 from occ.optimal.formulation import Formulation, Rotation
 from occ.optimal.limits import LimitedMoment, limit_expressions
+from occ.optimal.mesh import gauss_legendre
 from occ.optimal.problem import Bounds, Names, Nodes, Problem, Row
 from occ.optimal.shape import Shape
 from occ.optimal.transcription import Transcription
@@ -192,6 +193,14 @@ class Reduced(Formulation):
             return PiecewisePolynomial(edges, transcription.scheme.nodes, values)
         return PiecewisePolynomial(edges, transcription.scheme.points, nodes.control[:count])
 
+    def between(
+        self, transcription: Transcription, edges: np.ndarray, nodes: Nodes, s: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        state, control = super().between(transcription, edges, nodes, s)
+        # The yaw acceleration that is handed over makes this rotation; the heading's polynomial is near it only.
+        state[:2] = rotation_of(self._signal(transcription, edges, nodes), nodes.edges[:2, 0], s)
+        return state, control
+
     def claimed(self, transcription: Transcription, edges: np.ndarray, nodes: Nodes) -> Trajectory:
         s, t = claim_places(edges)
         state, _, _ = transcription.interpolate(nodes, np.append(s, 1.0))
@@ -224,6 +233,29 @@ def path_control(task: Task, signal: PiecewisePolynomial) -> SymbolicControl:
     law = open_loop_function(task.platform.wheel_count, *task.motion_structure)
     whole = PiecewisePolynomial(signal.edges, signal.nodes, values)
     return SymbolicControl(law, task.path_data, whole, task.motion.knots(task.duration))
+
+
+def rotation_of(signal: PiecewisePolynomial, start: np.ndarray, s: np.ndarray) -> np.ndarray:
+    """psi(t), Omega(t) with psi'' = u_1: the integrals of a signal, exact up to rounding.
+
+    Args:
+        signal: u_1 first.
+        start: (2,) [rad, rad/s] at the first edge.
+        s: (m,) places in each interval.
+
+    Returns:
+        (2, N, m).
+    """
+    x, weights = gauss_legendre(len(signal.nodes) + 1)
+    places = np.append(s, 1.0)
+    basis = signal.basis(np.outer(places, x).ravel()).reshape(len(signal.nodes), len(places), len(x))
+    once, twice = basis @ weights * places, (basis * (1 - x)) @ weights * places**2
+    widths, values = np.diff(signal.edges)[:, None], signal.values[0]
+    change, turn = widths * (values @ once), widths**2 * (values @ twice)
+    rates = start[1] + np.concatenate([[0.0], np.cumsum(change[:, -1])])[:-1, None]
+    turn += widths * places * rates
+    headings = start[0] + np.concatenate([[0.0], np.cumsum(turn[:, -1])])[:-1, None]
+    return np.stack([headings + turn[:, :-1], rates + change[:, :-1]])
 
 
 def claim_places(edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

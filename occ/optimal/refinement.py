@@ -1,30 +1,31 @@
 """Better meshes for any problem: shorter intervals where a solution is rough, higher degrees where it is smooth.
 
 The error is that of `occ.optimal.error`: the residual of the differential equation between the nodes, and the cost on a
-finer rule.  A solution is accepted when that is below the tolerance and a mesh with every interval cut in two gives the
-same cost.
+finer rule.  Where a doubled mesh is asked for, a solution is accepted when that is below the tolerance and a mesh with
+every interval cut in two gives the same cost.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Protocol
 
 import numpy as np
 
 from occ.errors import Status
+from occ.optimal.attempt import Attempt, Grid, Guess, Method, transcription_of
 from occ.optimal.error import ErrorEstimate, estimate_error, fine_points
-from occ.optimal.mesh import SchemeName, bisect
+from occ.optimal.mesh import bisect
 from occ.optimal.problem import Nodes, Numbers, Problem
-from occ.optimal.solvers import SolverOptions
-from occ.optimal.transcription import Outcome, Transcription
+from occ.optimal.transcription import Transcription
 
 MOST_INTERVALS = 2000
 MOST_DEGREE = 12
 ROUNDS = 24
 """Meshes that are tried at most."""
 STALL = 5
-"""Solves in which the error should at least halve."""
+"""Refinements in which the error should at least halve."""
 LOW_DEGREE = 4
 """Below it there are too few coefficients to judge smoothness by: the degree is raised first."""
 SMOOTH = 1.2
@@ -32,12 +33,12 @@ SMOOTH = 1.2
 by two then gains more than cutting the interval in two, for the same number of unknowns."""
 
 
-class Posed(Protocol):
-    """A problem with its numbers on any mesh."""
+NumbersOf = Callable[[Transcription, np.ndarray], Numbers]
+"""(transcription, edges (N + 1,) [s]) -> the numbers of a problem."""
 
-    @property
-    def problem(self) -> Problem:
-        """What is solved."""
+
+class Posed(Protocol):
+    """The numbers of a problem on any mesh."""
 
     def numbers(self, transcription: Transcription, edges: np.ndarray) -> Numbers:
         """On a mesh (N + 1,)."""
@@ -45,86 +46,161 @@ class Posed(Protocol):
     def data(self, edges: np.ndarray, s: np.ndarray) -> np.ndarray:
         """(nd, N, m) Node data at the places s (m,) of each interval."""
 
-    def guess(self, transcription: Transcription, edges: np.ndarray) -> Nodes:
-        """Where the first solve starts."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class Grid:
-    """Where a problem is solved: edges (N + 1,) [s], degree of the polynomials, collocation points."""
-
-    edges: np.ndarray
-    degree: int
-    scheme: SchemeName = "radau"
-
-
-@dataclass(frozen=True)
-class Refined:
-    """The last solve.
+class Refinement:
+    """Solves one problem on better and better meshes, until the tolerance holds.
 
     Args:
-        transcription: of the last mesh.
-        numbers: with its edges.
-        outcome: its message says where the tolerance was not reached.
-        error: estimate on it; infinite where there was no solution.
-        doubled: change of the cost when every interval was cut in two, relative to max(1, |J|).
-        rounds: intervals, degree and error of each solve.
+        problem: what is solved.
+        posed: its numbers on any mesh.
+        method: how.
+
+    Attributes:
+        rounds: what each solve gave, for the record.
     """
 
-    transcription: Transcription
-    numbers: Numbers
-    outcome: Outcome
-    error: float
-    doubled: float
-    rounds: tuple[tuple[int, int, float], ...]
+    stall = STALL
 
+    def __init__(self, problem: Problem, posed: Posed, method: Method) -> None:
+        self.problem, self.posed, self.method = problem, posed, method
+        self.rounds: list[dict[str, Any]] = []
 
-def solve_to_tolerance(posed: Posed, grid: Grid, tolerance: float, options: SolverOptions | None = None) -> Refined:
-    """Solve, look between the nodes, refine, and solve again until the tolerance holds on a doubled mesh, too.
+    def attempt(
+        self, grid: Grid, before: Attempt | Guess, *, restart: bool = False, numbers: NumbersOf | None = None
+    ) -> Attempt:
+        """Solve on a mesh.
 
-    Args:
-        posed: the problem.
-        grid: the first one.
-        tolerance: of states and cost, relative to max(1, size).
-        options: of the solver.
+        Args:
+            grid: the mesh.
+            before: a solution on another one, or a guess.
+            restart: the one before is as good as the solution: start with a small barrier.
+            numbers: of the problem; None for those that are posed.
 
-    Returns:
-        The finest solve; ``FAILED`` with the error that was reached where the tolerance was not.
-    """
-    rounds: list[tuple[int, int, float]] = []
-    last: _Solve | None = None
-    confirmed: _Solve | None = None
-    for _ in range(ROUNDS):
-        solve = _solve(posed, grid, last, options)
-        rounds.append((len(grid.edges) - 1, grid.degree, solve.error.total if solve.error else np.inf))
-        if solve.error is None:
-            return Refined(solve.transcription, solve.numbers, solve.outcome, np.inf, np.inf, tuple(rounds))
-        doubled = np.inf
-        if confirmed is not None:
-            cost = solve.outcome.cost
-            doubled = abs(cost - confirmed.outcome.cost) / max(1.0, abs(cost))
-        if solve.error.total <= tolerance and doubled <= tolerance:
-            return Refined(solve.transcription, solve.numbers, solve.outcome, solve.error.total, doubled, tuple(rounds))
-        if solve.error.total <= tolerance:
-            confirmed, grid = solve, replace(grid, edges=bisect(grid.edges, np.ones(len(grid.edges) - 1, dtype=bool)))
+        Returns:
+            The attempt, looked at between its nodes.
+        """
+        transcription = transcription_of(self.problem, grid.intervals, grid.degree, grid.scheme, self.method.options)
+        given = (numbers or self.posed.numbers)(transcription, grid.edges)
+        if isinstance(before, Attempt):
+            guess = resample(before.transcription, before.edges, before.outcome.nodes, transcription, grid.edges)
         else:
-            confirmed, grid = (
-                None,
-                next_grid(grid, solve.error, decay(solve.transcription, solve.outcome.nodes), tolerance),
-            )
-        last = solve
-        errors = [error for *_, error in rounds]
-        stalled = len(errors) > STALL and errors[-1] > max(errors[-1 - STALL] / 2, tolerance)
-        if stalled or len(grid.edges) - 1 > MOST_INTERVALS:
-            break
-    assert last is not None
-    assert last.error is not None
-    message = (
-        f"the error between nodes is still {last.error.total:.2g} after {len(rounds)} meshes, the last of "
-        f"{rounds[-1][0]} intervals of degree {rounds[-1][1]}; tolerance {tolerance:g}"
-    )
-    outcome = replace(last.outcome, status=Status.FAILED, message=message)
-    return Refined(last.transcription, last.numbers, outcome, last.error.total, np.inf, tuple(rounds))
+            guess = before(transcription, grid.edges)
+        return self.solved(transcription, given, guess, restart)
+
+    def solved(self, transcription: Transcription, numbers: Numbers, guess: Nodes, restart: bool = False) -> Attempt:
+        """Solve with these numbers, and look between the nodes.
+
+        Args:
+            transcription: of the mesh.
+            numbers: on it.
+            guess: to start from.
+            restart: the guess is the solution of a problem nearby.
+
+        Returns:
+            The attempt.
+        """
+        outcome = transcription.solve(numbers, guess, restart)
+        attempt = Attempt(transcription, numbers, outcome, guess)
+        if outcome.status is Status.OK:
+            attempt = self.looked_at(attempt)
+        self.rounds.append(
+            outcome.statistics
+            | {
+                "intervals": transcription.intervals,
+                "degree": transcription.degree,
+                "error": attempt.error.total if attempt.error else None,
+                "excess": attempt.hard_excess,
+            }
+        )
+        return attempt
+
+    def looked_at(self, attempt: Attempt) -> Attempt:
+        """The attempt with its error between the nodes."""
+        transcription, numbers, outcome = attempt.transcription, attempt.numbers, attempt.outcome
+        fine = self.posed.data(numbers.edges, fine_points(transcription.degree)[0])
+        return replace(attempt, error=estimate_error(transcription, outcome.nodes, numbers, fine, outcome.cost))
+
+    def finer(self, attempt: Attempt) -> Grid | None:
+        """The next mesh; None where the tolerance holds."""
+        assert attempt.error is not None
+        if attempt.error.total <= self.method.tolerance:
+            return None
+        falls = decay(attempt.transcription, attempt.outcome.nodes)
+        return next_grid(attempt.grid, attempt.error, falls, self.method.tolerance)
+
+    def finished(self, attempt: Attempt) -> Attempt | Grid:
+        """What is left to do where `finer` has nothing to ask for: an attempt, or a mesh on which it can be done."""
+        return attempt
+
+    def on_doubled_mesh(self, attempt: Attempt) -> Attempt:
+        """The same problem with every interval cut in two."""
+        return self.attempt(attempt.grid.doubled, attempt, restart=True)
+
+    def explained(self, attempt: Attempt) -> Attempt:
+        """An attempt without a solution, with the reason in its message."""
+        return attempt
+
+    def solve(self, grid: Grid, guess: Guess) -> tuple[Attempt, str]:
+        """`run` from a first mesh and a guess."""
+        return self.run(self.attempt(grid, guess))
+
+    def run(self, first: Attempt) -> tuple[Attempt, str]:
+        """Solve until the error holds between the nodes, and on a doubled mesh where the method asks for one.
+
+        Args:
+            first: on the first mesh.
+
+        Returns:
+            The last attempt, and why it is not good enough (empty where it is).
+        """
+        attempt = first
+        errors: list[float] = []
+        for _ in range(ROUNDS):
+            if attempt.outcome.status is not Status.OK or attempt.error is None:
+                attempt = self.explained(attempt)
+                return attempt, attempt.outcome.message
+            error, grid = attempt.error.total, self.finer(attempt)
+            if grid is None:
+                done = self.finished(attempt)
+                if isinstance(done, Attempt):
+                    accepted, attempt = self._confirmed(done)
+                    if accepted or attempt.outcome.status is not Status.OK:
+                        return attempt, attempt.outcome.message
+                    continue
+                grid = done
+            elif error > self.method.tolerance:
+                errors.append(error)
+                if len(errors) > self.stall and min(errors[-self.stall :]) > errors[-1 - self.stall] / 2:
+                    break
+            if grid.intervals > MOST_INTERVALS:
+                break
+            attempt = self.attempt(grid, attempt)
+        reasons = self.shortcomings(attempt) or ["a mesh with twice as many intervals still changes the cost by more"]
+        return attempt, (
+            f"{' and '.join(reasons)} after {len(self.rounds)} solves, the last mesh of "
+            f"{attempt.grid.intervals} intervals of degree {attempt.grid.degree}; tolerance {self.method.tolerance:g}"
+        )
+
+    def shortcomings(self, attempt: Attempt) -> list[str]:
+        """What is not good enough in the last attempt, in words."""
+        error = attempt.error.total if attempt.error else np.inf
+        return [f"the error between nodes is still {error:.2g}"] if error > self.method.tolerance else []
+
+    def _confirmed(self, attempt: Attempt) -> tuple[bool, Attempt]:
+        """Whether the doubled mesh gives the same cost; the attempt with the change, or the doubled one where not."""
+        if not self.method.doubled or 2 * attempt.grid.intervals > MOST_INTERVALS:
+            return True, attempt
+        if attempt.outcome.status is not Status.OK:
+            return False, attempt
+        twice = self.on_doubled_mesh(attempt)
+        if twice.outcome.status is not Status.OK:
+            return True, attempt
+        cost = twice.outcome.cost
+        change = abs(cost - attempt.outcome.cost) / max(1.0, abs(cost))
+        if change > self.method.tolerance:
+            return False, twice
+        growth = np.abs(twice.outcome.nodes.control).max() / np.abs(attempt.outcome.nodes.control).max(initial=1e-300)
+        return True, replace(attempt, doubled=change, growth=float(growth))
 
 
 def next_grid(grid: Grid, error: ErrorEstimate, falls: np.ndarray, tolerance: float) -> Grid:
@@ -216,26 +292,3 @@ def resample(old: Transcription, old_edges: np.ndarray, nodes: Nodes, new: Trans
     state, _ = at(edges)
     inner, control = at(points.ravel())
     return Nodes(state, inner.reshape(len(inner), *points.shape), control.reshape(len(control), *points.shape))
-
-
-@dataclass(frozen=True)
-class _Solve:
-    transcription: Transcription
-    numbers: Numbers
-    outcome: Outcome
-    error: ErrorEstimate | None
-
-
-def _solve(posed: Posed, grid: Grid, last: _Solve | None, options: SolverOptions | None) -> _Solve:
-    transcription = Transcription(posed.problem, len(grid.edges) - 1, grid.degree, grid.scheme, options)
-    numbers = posed.numbers(transcription, grid.edges)
-    if last is None:
-        guess = posed.guess(transcription, grid.edges)
-    else:
-        guess = resample(last.transcription, last.numbers.edges, last.outcome.nodes, transcription, grid.edges)
-    outcome = transcription.solve(numbers, guess)
-    if outcome.status is not Status.OK:
-        return _Solve(transcription, numbers, outcome, None)
-    fine = posed.data(grid.edges, fine_points(grid.degree)[0])
-    error = estimate_error(transcription, outcome.nodes, numbers, fine, outcome.cost)
-    return _Solve(transcription, numbers, outcome, error)

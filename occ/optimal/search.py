@@ -1,27 +1,25 @@
-"""From a first mesh to a solution that is fine enough: knots at switching times, refinement, back-off from limits."""
+"""From a first mesh to a solution that is fine enough: knots at switching times, refinement, limits between nodes."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import cache
-from typing import Any
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from occ.errors import Status
+from occ.optimal.attempt import Attempt, Grid, Guess, Method
+from occ.optimal.backoff import JUMP, Tightening, tightened
+from occ.optimal.between import limited_arcs
+from occ.optimal.cost import is_regular
 from occ.optimal.elastic import explained
-from occ.optimal.error import ErrorEstimate, estimate_error, fine_points
 from occ.optimal.formulation import Formulation, Rotation
-from occ.optimal.limits import LimitedArcs, with_knots
-from occ.optimal.mesh import SchemeName
-from occ.optimal.problem import Bounds, Nodes, Numbers, Problem
-from occ.optimal.refinement import MOST_INTERVALS, refine, resample
-from occ.optimal.solvers import SolverOptions
-from occ.optimal.transcription import Outcome, Transcription
+from occ.optimal.limits import with_knots
+from occ.optimal.problem import Nodes, Numbers
+from occ.optimal.refinement import NumbersOf, Refinement
+from occ.optimal.transcription import Transcription
 
-ROUNDS = 16
-"""Meshes that are tried at most."""
 STALL = 3
 """Refinements in which the error should at least halve."""
 STALL_AT_KINKS = 6
@@ -29,79 +27,34 @@ STALL_AT_KINKS = 6
 KNOT_ROUNDS = 4
 """Times that edges are moved to the switching times at most."""
 BACKOFFS = 8
-"""Tightenings of the limits that are tried at most."""
+"""Tightenings of the limits that are tried at most on one mesh."""
+AIMS = 4
+"""Times that the end is aimed at again at most."""
+COST = 0.1
+"""Part of the tolerance that it may cost to hold the limits between the nodes."""
+PATIENCE = 100.0
+"""Mean excess over limits, in units of the tolerance, from which on a back-off is tried where the cost has no curvature
+in the torques: there the jumps of the control are short and cost next to nothing."""
 HELD = 3e-7
 """A limit is held if it is passed by at most this, relative to it; the referee allows three times as much."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Method:
-    """How to solve: degree of the polynomials, tolerance of the error between nodes, options of the solver."""
-
-    degree: int
-    tolerance: float
-    options: SolverOptions
-
-
-@cache
-def transcription_of(
-    problem: Problem, intervals: int, degree: int, scheme: SchemeName, options: SolverOptions
-) -> Transcription:
-    """The nonlinear program of a problem and a mesh size, built once in a process."""
-    return Transcription(problem, intervals, degree, scheme, options)
-
-
-@dataclass(frozen=True)
-class Attempt:
-    """One solve: the program, its numbers, what came out, and how good it is between the nodes."""
-
-    transcription: Transcription
-    numbers: Numbers
-    outcome: Outcome
-    guess: Nodes
-    error: ErrorEstimate | None = None
-    arcs: LimitedArcs | None = None
-
-    @property
-    def edges(self) -> np.ndarray:
-        """(N + 1,) [s] its mesh."""
-        return self.numbers.edges
-
-    @property
-    def excess_share(self) -> float:
-        """Mean over time of the largest excess over a limit, relative to the limit: what a back-off would cost."""
-        if self.arcs is None or not self.arcs.hard:
-            return 0.0
-        widths = np.diff(self.edges)
-        return float(self.arcs.hard_excess.max(axis=0) @ widths / widths.sum())
-
-    @property
-    def largest_excess(self) -> float:
-        """Part by which the largest torque is passed between the nodes, where it is the cost."""
-        return float(self.arcs.soft_excess.max(initial=0.0)) if self.arcs is not None else 0.0
-
-    @property
-    def badness(self) -> float:
-        """What knots can lower: excesses, and the error where powers change their sign inside an interval."""
-        if self.arcs is None:
-            return 0.0
-        clipped = self.error.total if self.error is not None and len(self.arcs.clipped) else 0.0
-        return max(self.excess_share, self.largest_excess, clipped)
-
-
-@dataclass
-class Search:
-    """Solves one problem on better and better meshes.
+class Search(Refinement):
+    """Solves one problem of the platform on better and better meshes.
 
     Args:
         formulation: task and problem.
         method: how.
-        rounds: what each solve gave, for the record.
     """
 
-    formulation: Formulation
-    method: Method
-    rounds: list[dict[str, Any]] = field(default_factory=list)
+    def __init__(self, formulation: Formulation, method: Method) -> None:
+        super().__init__(formulation.problem(), formulation, method)
+        self.formulation = formulation
+        self.stall = STALL_AT_KINKS if formulation.shape.slacks else STALL
+        self._patience = 1.0 if is_regular(formulation.settings.aim.terms) else PATIENCE
+        task = formulation.task
+        self._kept = task.motion.knots(task.duration)
+        self._tightening: Tightening | None = None
 
     def starts(self, edges: np.ndarray, rotations: Sequence[Rotation]) -> list[Attempt]:
         """A first solve from each guess.
@@ -113,10 +66,35 @@ class Search:
         Returns:
             One attempt for each.
         """
-        return [self._attempt(edges, rotation) for rotation in rotations]
+        grid = Grid(edges=edges, degree=self.method.degree, scheme=self.formulation.settings.scheme)
+        guesses = [partial(self.formulation.guess, rotation=rotation) for rotation in rotations]
+        return [self.attempt(grid, self._softened(grid, guess)) for guess in guesses]
+
+    def _softened(self, grid: Grid, before: Attempt | Guess) -> Attempt | Guess:
+        """The solution of the task with more of the copper loss that settles what its objective leaves open."""
+        for formulation in self.formulation.softer():
+            softer = Search(formulation, self.method)
+            attempt = softer.attempt(grid, before)
+            before = attempt if attempt.outcome.status is Status.OK else before
+            self.rounds.extend(softer.rounds)
+        return before
+
+    def attempt(
+        self, grid: Grid, before: Attempt | Guess, *, restart: bool = False, numbers: NumbersOf | None = None
+    ) -> Attempt:
+        # Where slacks choose between their two bounds, a start with a large barrier would choose again.
+        near = isinstance(before, Attempt) and bool(self.formulation.shape.slacks or self.formulation.shape.peaks)
+        attempt = super().attempt(grid, before, restart=restart or near, numbers=numbers)
+        if near and attempt.outcome.status is not Status.OK:
+            attempt = super().attempt(grid, before, numbers=numbers)
+        return attempt
+
+    def solved(self, transcription: Transcription, numbers: Numbers, guess: Nodes, restart: bool = False) -> Attempt:
+        guess = self.formulation.with_slacks(transcription, numbers.edges, guess)
+        return super().solved(transcription, numbers, guess, restart)
 
     def run(self, first: Attempt) -> tuple[Attempt, str]:
-        """Solve until error and limits hold between the nodes.
+        """Place knots, then solve until error and limits hold between the nodes.
 
         Args:
             first: on the first mesh.
@@ -124,33 +102,99 @@ class Search:
         Returns:
             The last attempt, and why it is not good enough (empty where it is).
         """
-        attempt, tolerance = self._place_knots(first), self.method.tolerance
-        errors: list[float] = []
-        stall = STALL_AT_KINKS if self.formulation.shape.slacks else STALL
-        for _ in range(ROUNDS):
-            if attempt.outcome.status is not Status.OK or attempt.error is None:
-                attempt = self._explained(attempt)
-                return attempt, attempt.outcome.message
-            if attempt.error.total > tolerance:
-                errors.append(attempt.error.total)
-                if len(errors) > stall and min(errors[-stall:]) > errors[-1 - stall] / 2:
-                    break
-                mesh = self._refined(attempt, attempt.error)
-            elif max(attempt.excess_share, attempt.largest_excess) > tolerance:
-                mesh = split_excess(attempt, tolerance)
-            else:
-                return self._back_off(attempt)
-            if len(mesh) - 1 > MOST_INTERVALS:
-                break
-            attempt = self._attempt(mesh, attempt)
-        last = self.rounds[-1]
-        return attempt, (
-            f"the error between nodes is still {last['error']:.2g} after {len(self.rounds)} meshes, the last of "
-            f"{last['intervals']} intervals, and limits are passed by {last['excess']:.2g}; tolerance "
-            f"{self.method.tolerance:g}"
-        )
+        return super().run(self._place_knots(first))
 
-    def _explained(self, attempt: Attempt) -> Attempt:
+    def looked_at(self, attempt: Attempt) -> Attempt:
+        attempt = super().looked_at(attempt)
+        assert attempt.error is not None
+        transcription, numbers, outcome = attempt.transcription, attempt.numbers, attempt.outcome
+        overpaid = self.formulation.overpaid(transcription, outcome.nodes, numbers) / max(1.0, abs(outcome.cost))
+        error = replace(attempt.error, cost=attempt.error.cost - overpaid)
+        arcs = limited_arcs(self.formulation, transcription, outcome.nodes, numbers)
+        return replace(attempt, error=error, arcs=arcs)
+
+    def finer(self, attempt: Attempt) -> Grid | None:
+        grid = super().finer(attempt)
+        if grid is None:
+            # No mesh avoids the excess of a largest torque that jumps, but it can be kept to ever shorter intervals.
+            follows = attempt.arcs.soft_excess.max(axis=0, initial=0.0) if attempt.arcs is not None else np.zeros(1)
+            if follows.max() <= self.method.tolerance:
+                return None
+            return replace(attempt.grid, edges=quartered(attempt.edges, follows > self.method.tolerance))
+        if attempt.arcs is None or not len(attempt.arcs.clipped) or grid.degree > attempt.grid.degree:
+            return grid
+        # Edges where a clipped power changes its sign in an interval that is not fine enough.
+        assert attempt.error is not None
+        times = attempt.arcs.sign_changes()
+        interval = np.clip(np.searchsorted(attempt.edges, times) - 1, 0, len(attempt.error.cost) - 1)
+        coarse = np.abs(attempt.error.cost) > self.method.tolerance / (2 * len(attempt.error.cost))
+        return replace(grid, edges=with_knots(grid.edges, times[coarse[interval]], self._kept))
+
+    def finished(self, attempt: Attempt) -> Attempt | Grid:
+        """Limits held between the nodes, too; where that fails or costs too much, a finer mesh for it."""
+        self._tightening = None
+        attempt = self._hitting(attempt)
+        if attempt.outcome.status is not Status.OK or attempt.hard_excess <= HELD:
+            return attempt
+        if attempt.excess_share <= self._patience * self.method.tolerance:
+            best = self._backed_off(attempt)
+            if self._is_affordable(best) and best.hard_excess <= HELD:
+                return best
+        jumps = attempt.passes(JUMP)
+        return replace(attempt.grid, edges=quartered(attempt.edges, jumps if jumps.any() else attempt.passes(HELD)))
+
+    def _backed_off(self, attempt: Attempt) -> Attempt:
+        """The last of several solves with tighter and tighter limits."""
+        # An optimum that holds its limits at the nodes only costs no more than one that holds them everywhere.
+        least, best = attempt.outcome.cost, attempt
+        for _ in range(BACKOFFS):
+            self._tightening = tightened(self.formulation, best, self._tightening)
+            best = self._tighter(best, self._tightening)
+            best = replace(best, dearer=(best.outcome.cost - least) / max(1.0, abs(least)))
+            if best.hard_excess <= HELD or not self._is_affordable(best):
+                break
+        return best
+
+    def _is_affordable(self, attempt: Attempt) -> bool:
+        tolerance = self.method.tolerance
+        return attempt.error is not None and attempt.error.total <= tolerance and attempt.dearer <= COST * tolerance
+
+    def _hitting(self, attempt: Attempt) -> Attempt:
+        """The problem of an attempt aimed so that the torques, and not only the polynomials, hit the end."""
+        for _ in range(AIMS):
+            aimed = self.formulation.aimed(attempt.transcription, attempt.edges, attempt.outcome.nodes)
+            if aimed is None or attempt.outcome.status is not Status.OK:
+                break
+            self.formulation = self.posed = aimed
+            attempt = self.attempt(attempt.grid, attempt, restart=True)
+        return attempt
+
+    def _tighter(self, attempt: Attempt, tightening: Tightening) -> Attempt:
+        """The problem of an attempt with its limits tightened: from nearby, and from afar where that fails."""
+        transcription, nodes = attempt.transcription, tightening.guess(attempt.outcome.nodes)
+        numbers = self._tight_numbers(tightening, transcription, attempt.edges)
+        following = self.solved(transcription, numbers, nodes, restart=True)
+        return following if following.outcome.status is Status.OK else self.solved(transcription, numbers, nodes)
+
+    def _tight_numbers(self, tightening: Tightening, transcription: Transcription, edges: np.ndarray) -> Numbers:
+        numbers = self.formulation.numbers(transcription, edges)
+        return tightening.applied(self.formulation, numbers, transcription.degree)
+
+    def shortcomings(self, attempt: Attempt) -> list[str]:
+        found = super().shortcomings(attempt)
+        if attempt.hard_excess > HELD:
+            found.append(f"a limit is still passed by {attempt.hard_excess:.2g} of its value between nodes")
+        if attempt.largest_excess > self.method.tolerance:
+            found.append(f"the largest torque is still passed by {attempt.largest_excess:.2g} of its value")
+        return found
+
+    def on_doubled_mesh(self, attempt: Attempt) -> Attempt:
+        if self._tightening is None:
+            return super().on_doubled_mesh(attempt)
+        numbers = partial(self._tight_numbers, self._tightening.doubled)
+        return self.attempt(attempt.grid.doubled, attempt, restart=True, numbers=numbers)
+
+    def explained(self, attempt: Attempt) -> Attempt:
         """The attempt with the contradicting limits named, where they are what keeps it from a solution."""
         rows = np.arange(len(self.formulation.hard_limits))
         outcome = explained(attempt.transcription, attempt.numbers, attempt.outcome, attempt.guess, rows)
@@ -162,86 +206,23 @@ class Search:
         for _ in range(KNOT_ROUNDS):
             if best.arcs is None or best.badness <= self.method.tolerance:
                 break
-            attempt = self._attempt(with_knots(base, best.arcs.switching_times()), best)
+            edges = with_knots(base, best.arcs.switching_times(), self._kept)
+            attempt = self.attempt(replace(best.grid, edges=edges), best)
             if attempt.arcs is None or attempt.badness > best.badness / 2:
                 break
             best = attempt
         return best
 
-    def _refined(self, attempt: Attempt, error: ErrorEstimate) -> np.ndarray:
-        """A finer mesh, with edges where a clipped power changes its sign in an interval that is not fine enough."""
-        mesh = refine(attempt.edges, error, self.method.tolerance)
-        if attempt.arcs is None or not len(attempt.arcs.clipped):
-            return mesh
-        times = attempt.arcs.sign_changes()
-        interval = np.clip(np.searchsorted(attempt.edges, times) - 1, 0, len(error.cost) - 1)
-        coarse = np.abs(error.cost) > self.method.tolerance / (2 * len(error.cost))
-        return with_knots(mesh, times[coarse[interval]])
 
-    def _attempt(self, edges: np.ndarray, before: Attempt | Rotation, path: Bounds | None = None) -> Attempt:
-        formulation, method = self.formulation, self.method
-        scheme = formulation.settings.scheme
-        transcription = transcription_of(formulation.problem(), len(edges) - 1, method.degree, scheme, method.options)
-        numbers = formulation.numbers(transcription, edges)
-        if path is not None:
-            numbers = replace(numbers, path=path)
-        if isinstance(before, Attempt):
-            guess = resample(before.transcription, before.edges, before.outcome.nodes, transcription, edges)
-        else:
-            guess = formulation.guess(transcription, edges, before)
-        outcome = transcription.solve(numbers, guess)
-        attempt = Attempt(transcription, numbers, outcome, guess)
-        if outcome.status is Status.OK:
-            attempt = self._look_between_nodes(attempt)
-        error = attempt.error.total if attempt.error else None
-        excess = float(attempt.arcs.hard_excess.max(initial=0.0)) if attempt.arcs else 0.0
-        self.rounds.append(outcome.statistics | {"intervals": len(edges) - 1, "error": error, "excess": excess})
-        return attempt
-
-    def _look_between_nodes(self, attempt: Attempt) -> Attempt:
-        transcription, numbers, outcome = attempt.transcription, attempt.numbers, attempt.outcome
-        fine = self.formulation.data(numbers.edges, fine_points(self.method.degree)[0])
-        error = estimate_error(transcription, outcome.nodes, numbers, fine, outcome.cost)
-        overpaid = self.formulation.overpaid(transcription, outcome.nodes, numbers)
-        error = replace(error, cost=error.cost - overpaid / max(1.0, abs(outcome.cost)))
-        arcs = self.formulation.arcs(transcription, outcome.nodes, numbers)
-        return replace(attempt, error=error, arcs=arcs)
-
-    def _back_off(self, attempt: Attempt) -> tuple[Attempt, str]:
-        """Take what is passed between the nodes off the limits of that interval, until nothing is passed."""
-        if attempt.arcs is None or not attempt.arcs.hard:
-            return attempt, ""
-        taken = np.zeros_like(attempt.arcs.hard_excess)
-        for _ in range(BACKOFFS):
-            assert attempt.arcs is not None
-            excess = attempt.arcs.hard_excess
-            if excess.max() <= HELD:
-                return attempt, ""
-            taken += 1.1 * excess
-            before = attempt
-            attempt = self._attempt(attempt.edges, attempt, self.formulation.path_bounds(taken, self.method.degree))
-            if attempt.outcome.status is not Status.OK:
-                return before, f"a limit is passed by {excess.max():.2g} of its value between nodes"
-        return attempt, f"a limit is still passed by {self.rounds[-1]['excess']:.2g} of its value between nodes"
-
-
-def split_excess(attempt: Attempt, tolerance: float) -> np.ndarray:
-    """A mesh in which the intervals that contribute to the excesses of an attempt are cut into four.
-
-    Where the control jumps no mesh avoids the excess, but it can be kept to ever shorter intervals.
+def quartered(edges: np.ndarray, marked: np.ndarray) -> np.ndarray:
+    """A mesh with every marked interval cut into four.
 
     Args:
-        attempt: with its excess in each interval.
-        tolerance: for the mean over time.
+        edges: (N + 1,) [s].
+        marked: (N,) of booleans.
 
     Returns:
-        (M + 1,) [s] edges.
+        (M + 1,) [s].
     """
-    assert attempt.arcs is not None
-    edges, widths = attempt.edges, np.diff(attempt.edges)
-    marked = attempt.arcs.soft_excess.max(axis=0, initial=0.0) > tolerance
-    if attempt.arcs.hard:
-        shares = attempt.arcs.hard_excess.max(axis=0) * widths / widths.sum()
-        marked |= shares > tolerance / (2 * len(widths))
-    quarters = edges[:-1, None] + widths[:, None] * np.array([0.25, 0.5, 0.75])
+    quarters = edges[:-1, None] + np.diff(edges)[:, None] * np.array([0.25, 0.5, 0.75])
     return np.sort(np.concatenate([edges, quarters[marked].ravel()]))

@@ -12,6 +12,8 @@ from occ.optimal.mesh import SchemeName
 from occ.optimal.problem import Row
 from occ.task import EndClass, Keep
 
+ERRORS = (("velocity", "m/s"), ("acceleration", "m/s^2"))
+
 
 @dataclass(frozen=True)
 class Shape:
@@ -39,6 +41,11 @@ class Shape:
         return "torque_rate" in self.limits
 
     @property
+    def starts_on_path(self) -> bool:
+        """The torques at the start are states that have to give B the acceleration of its program."""
+        return self.full and self.keep == "path" and self.has_torque_states
+
+    @property
     def wants_null_torque(self) -> bool:
         """Torques that make no wrench can lower the cost or help to hold a limit."""
         return bool(set(self.limits) & set(NEEDS_NULL_TORQUE)) or wants_null_torque(self.terms)
@@ -54,8 +61,8 @@ class Shape:
         return int(has_largest(self.terms))
 
     def following(self) -> tuple[int, int, int, int]:
-        """Numbers of path conditions after the limits: tube, velocity, slacks, largest torque."""
-        velocity = 2 * (self.full and self.keep == "path")
+        """Numbers of path conditions after the limits: tube, velocity and acceleration, slacks, largest torque."""
+        velocity = (2 + 2 * self.has_torque_states) * (self.full and self.keep == "path")
         return int(self.keep == "tube"), velocity, self.slacks, 2 * self.wheel_count * self.peaks
 
     def path_names(self) -> tuple[Row, ...]:
@@ -63,7 +70,8 @@ class Shape:
         tube, velocity, slacks, peaks = self.following()
         rows = list(limit_names(self.limits, self.wheel_count))
         rows += [Row("squared distance of B from its program over squared radius")] * tube
-        rows += [Row(f"velocity error of B in {axis}", "m/s") for axis in "xy"[:velocity]]
+        errors = [Row(f"{what} error of B in {axis}", unit) for what, unit in ERRORS for axis in "xy"]
+        rows += errors[:velocity]
         rows += [Row(f"slack {j + 1} above its power", "W") for j in range(slacks)]
         wheels = [1 + j % self.wheel_count for j in range(peaks)]
         return (*rows, *[Row("largest torque above torque", "N m", wheel) for wheel in wheels])
@@ -102,6 +110,8 @@ class Settings:
         radius: [m] of the tube; None for the other keeps.
         scheme: of collocation.
         constant: torques are constant in each interval.
+        aside: (10,) by how much to aim beside the end, where the torques miss what the polynomials hit: state, and
+            position and velocity of B; None where they do not.
     """
 
     aim: Aim
@@ -110,3 +120,4 @@ class Settings:
     radius: float | None = None
     scheme: SchemeName = "radau"
     constant: bool = False
+    aside: np.ndarray | None = None

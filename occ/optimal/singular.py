@@ -11,13 +11,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from occ.optimal.attempt import Attempt
 from occ.optimal.formulation import Formulation
-from occ.optimal.problem import Nodes
 
 STEEP = 20.0
 """Yaw accelerations this many times the typical one belong to a layer."""
 SMALLEST = 1e-3
 """Jumps below this part of the largest yaw rate are not worth a word."""
+
+GROWS = 1.2
+"""Growth of the control on a doubled mesh from which on it is not bounded."""
 
 
 @dataclass(frozen=True)
@@ -62,22 +65,24 @@ def layers(edges: np.ndarray, yaw_rates: np.ndarray) -> list[Layer]:
     return [layer for layer in found if abs(layer.jump) > SMALLEST * scale]
 
 
-def note(formulation: Formulation, edges: np.ndarray, nodes: Nodes) -> str:
+def note(formulation: Formulation, attempt: Attempt) -> str:
     """A sentence on the singular arcs and layers of a solution.
 
     Args:
         formulation: for the yaw rate.
-        edges: (N + 1,) [s].
-        nodes: the solution.
+        attempt: the solution.
 
     Returns:
         Text with numbers and units.
     """
-    found = layers(edges, formulation.yaw_rates(nodes))
+    found = layers(attempt.edges, formulation.yaw_rates(attempt.outcome.nodes))
     if not found:
         return "singular arc (the cost has no curvature in the torques), without jumps of the yaw rate"
     words = [
         f"at t = {layer.t:.4g} s the yaw rate jumps by {layer.jump:.3g} rad/s (layer of {layer.width:.2g} s)"
         for layer in found
     ]
-    return "singular arc (the cost has no curvature in the torques) between boundary layers: " + ", ".join(words)
+    text = "singular arc (the cost has no curvature in the torques) between boundary layers: " + ", ".join(words)
+    if attempt.growth > GROWS:
+        text += f"; the control in them grows with the mesh, {attempt.growth:.2g} times on one with twice the intervals"
+    return text

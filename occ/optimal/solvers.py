@@ -8,7 +8,6 @@ from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 import casadi as ca
-import numpy as np
 from annotated_types import Ge
 
 from occ.checks import Positive, check_fields
@@ -25,6 +24,8 @@ RESTART = 1e-6
 FATROP_BOUNDED = 1e-7
 """Tolerance that FATROP reaches reliably with inequalities: at smaller barrier parameters its recursion through the
 stages loses the digits of the reduced Hessian, and it goes on in tiny steps."""
+PATIENCE = 150
+"""Iterations after which FATROP is not expected to converge any more, and IPOPT takes over; most solves take ten."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,9 +36,11 @@ class SolverOptions:
         solver: ``ipopt`` for any problem; ``fatrop`` factorises stage by stage.
         tolerance: of the optimality conditions.
         iterations: at most.
-        seconds: at most, of wall time; FATROP counts its iterations only.
+        seconds: at most, of wall time; FATROP, which has no clock, gets the iterations that fit into it.
         linear_solver: of IPOPT.
         barrier: parameter of the barrier at the start; None is the solver's own choice.
+        compiled: the problem's functions in machine code, made by this machine's C compiler and kept for other
+            processes: a few seconds for a new problem, faster solves ever after, the same numbers to the last bit.
 
     Raises:
         InputError: a value that the solvers do not take.
@@ -49,18 +52,43 @@ class SolverOptions:
     seconds: Positive = 60.0
     linear_solver: Literal["mumps"] = "mumps"
     barrier: Positive | None = None
+    compiled: bool = False
 
     def __post_init__(self) -> None:
         check_fields(self)
 
 
 @dataclass(frozen=True)
+class Effort:
+    """What a solve was allowed and took.
+
+    Args:
+        iterations: at most.
+        in_time: so few only because more would take longer than the seconds that there are.
+        seconds: taken.
+    """
+
+    iterations: int
+    in_time: bool
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Verdict:
-    """How a solve ended, in words, and what it took; whether a function was not finite."""
+    """How a solve ended, in words, and what it took.
+
+    Args:
+        status: ``OK`` where it converged.
+        message: otherwise, why not.
+        not_finite: a function was not.
+        gave_up: another solver may do better.
+        statistics: iterations and seconds.
+    """
 
     status: Status
     message: str
     not_finite: bool = False
+    gave_up: bool = False
     statistics: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
 
 
@@ -71,7 +99,7 @@ def nonlinear_solver(
 
     Args:
         program: functions and derivatives.
-        options: validated.
+        options: validated; its iterations are those of this solver.
         sizes: of the stages, for FATROP.
         bounded: with inequalities.
         restart: for starts from a solution nearby: a small barrier parameter, and no push off the bounds.
@@ -82,7 +110,6 @@ def nonlinear_solver(
     own: dict[str, Any] = {"tol": options.tolerance, "max_iter": options.iterations, "print_level": 0}
     general: dict[str, Any] = {
         "print_time": False,
-        "record_time": True,
         # Multipliers of the parameters would cost as much as the solution, and nobody asks for them.
         "calc_lam_p": False,
         "error_on_fail": False,
@@ -123,30 +150,38 @@ _WORDS = {
 }
 
 
-def read_verdict(statistics: dict[str, Any], options: SolverOptions) -> Verdict:
+def read_verdict(statistics: dict[str, Any], options: SolverOptions, effort: Effort) -> Verdict:
     """The state of a finished solve.
 
     Args:
         statistics: of the CasADi solver.
         options: with which it ran.
+        effort: what it was allowed and took.
 
     Returns:
         Status and message, iterations and seconds.
     """
     kept: dict[str, Any] = {
         "solver": options.solver,
-        "iterations": int(statistics["iter_count"]),
-        "seconds": float(statistics.get("t_wall_total", np.nan)),
+        # FATROP counts one too many where it runs out of them.
+        "iterations": min(int(statistics["iter_count"]), effort.iterations),
+        "seconds": effort.seconds,
         "return_status": str(statistics["return_status"]),
     }
     if statistics["success"]:
         return Verdict(Status.OK, "", statistics=kept)
-    reason = str(statistics["return_status"])
+    reason, gave_up = str(statistics["return_status"]), False
     if options.solver == "fatrop":
         # FATROP says no more than that it failed.
-        out = kept["iterations"] >= options.iterations
-        reason = "Maximum_Iterations_Exceeded" if out else "no solution: it found no step that makes progress"
+        out = kept["iterations"] >= effort.iterations
+        reason = "no solution: it found no step that makes progress"
+        if out and effort.in_time:
+            reason = "Maximum_WallTime_Exceeded"
+        elif out and effort.iterations == options.iterations:
+            reason = "Maximum_Iterations_Exceeded"
+        else:
+            gave_up = True
     kept["exhausted"] = reason.startswith("Maximum_")
     status, words = _WORDS.get(reason, (Status.FAILED, f"the solver stopped with {reason}"))
     message = words.format(iterations=options.iterations, seconds=options.seconds)
-    return Verdict(status, message, reason == "Invalid_Number_Detected", kept)
+    return Verdict(status, message, reason == "Invalid_Number_Detected", gave_up, kept)

@@ -10,8 +10,8 @@ import numpy as np
 from occ.errors import Status
 from occ.laws.base import yaw_motion
 from occ.laws.servo import ServoLaw
+from occ.optimal.attempt import Attempt
 from occ.optimal.formulation import Formulation, Rotation
-from occ.optimal.search import Attempt
 from occ.task import Task
 
 SAME_COST = 1e-4
@@ -44,22 +44,26 @@ def turned_further(rotation: Rotation, rate: float) -> Rotation:
     return lambda t: rotation(t) + np.vstack([rate * t, np.full_like(t, rate), np.zeros_like(t)])
 
 
-def starts_of(task: Task, count: int, turn: float | None) -> list[NamedStart]:
+def starts_of(task: Task, count: int, turn: float | None, *, free: bool = False) -> list[NamedStart]:
     """The law; constant offsets to the program's direction around the circle; from four on, one turn more and less.
 
     Args:
         task: what to do.
         count: of the starts.
         turn: [rad] net turn of the heading that the end asks for; None where it is free.
+        free: the start is chosen, too; the law, which knows it as given, is not asked then.
 
     Returns:
         As many guesses, the law's first.
     """
-    law = law_rotation(task)
+    if free and turn is not None:
+        law = uniform_rotation(task.start.heading, turn / task.duration)
+    else:
+        law = law_rotation(task)
     if turn is not None:
         heading = law(np.array([0.0, task.duration]))[0]
         law = turned_further(law, (turn - (heading[1] - heading[0])) / task.duration)
-    found = [NamedStart("law", law)]
+    found = [NamedStart("constant rate" if free else "law", law)]
     windings = 2 if count >= 4 and turn is None else 0
     rate = mean_turning_rate(task) if turn is None else turn / task.duration
     offsets = count - 1 - windings

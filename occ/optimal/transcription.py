@@ -6,19 +6,21 @@ scheme); widths, node data, parameters and bounds are numbers that are written i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from time import perf_counter
 from typing import Any, NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from occ.errors import Status
 from occ.numeric import evaluate_many
+from occ.optimal.chains import Chains, integrated
+from occ.optimal.exchange import Exchange
 from occ.optimal.layout import Layout, blocks, stages
 from occ.optimal.mesh import Scheme, SchemeName, scheme
-from occ.optimal.problem import Bounds, Nodes, Numbers, Problem, flat
+from occ.optimal.problem import Nodes, Numbers, Problem, flat
 from occ.optimal.program import Program, collocation_program
-from occ.optimal.solvers import SolverOptions, nonlinear_solver, read_verdict
+from occ.optimal.solvers import PATIENCE, Effort, SolverOptions, nonlinear_solver, read_verdict
 from occ.trajectory import lagrange_basis
 
 VIOLATION = 1e-6
@@ -45,11 +47,21 @@ class Outcome:
 
 
 class _Variant(NamedTuple):
-    """What a solver is made for: bounds between the ends, conditions that couple the ends, a start from nearby."""
+    """What a solver is made for.
+
+    Args:
+        bounded: bounds between the ends.
+        boundary: conditions that couple the ends.
+        integrated: states between the edges are integrals of the controls, and not unknowns.
+        restart: a start from nearby.
+        iterations: at most.
+    """
 
     bounded: bool
     boundary: bool
+    integrated: bool
     restart: bool
+    iterations: int
 
 
 class Transcription:
@@ -78,35 +90,50 @@ class Transcription:
         self.scheme: Scheme = scheme(name, degree)
         self.options = options or SolverOptions()
         self._node = problem.node_function()
-        self._programs: dict[bool, tuple[Program, Layout]] = {}
-        self._solvers: dict[_Variant, ca.Function] = {}
+        chains = Chains.of(problem) if self.options.solver == "fatrop" else None
+        self._maps = None if chains is None else integrated(chains, self.scheme)
+        self._programs: dict[tuple[bool, bool], tuple[Program, Layout]] = {}
+        self._solvers: dict[_Variant, Exchange] = {}
+        self._paces: dict[tuple[bool, bool], float] = {}
+        self._other: Transcription | None = None
         # What most solves use is built now, so that a solve builds nothing.
-        self._solver(self._variant(self.sizes[4] > 0, False, False))
+        self._solver(self._variant(bounded=self.sizes[4] > 0))
 
     @property
     def sizes(self) -> tuple[int, int, int, int, int, int]:
         """nx, nu, nd, np, nh, nb."""
         return self.problem.sizes
 
-    def _variant(self, bounded: bool, boundary: bool, restart: bool) -> _Variant:
-        # IPOPT takes void bounds and conditions at no cost.
-        return _Variant(True, True, restart) if self.options.solver == "ipopt" else _Variant(bounded, boundary, restart)
+    def _variant(
+        self, *, bounded: bool, boundary: bool = False, states: bool = False, restart: bool = False
+    ) -> _Variant:
+        if self.options.solver == "ipopt":
+            # It takes void bounds and conditions at no cost.
+            return _Variant(True, True, False, restart, self.options.iterations)
+        integrated = self._maps is not None and not states
+        return _Variant(bounded, boundary, integrated, restart, min(self.options.iterations, PATIENCE))
 
-    def _solver(self, variant: _Variant) -> tuple[ca.Function, Layout]:
-        if variant.boundary not in self._programs:
+    def _program(self, boundary: bool, integrated: bool) -> tuple[Program, Layout]:
+        key = boundary, integrated
+        if key not in self._programs:
             ipopt = self.options.solver == "ipopt"
-            layout = (
-                blocks(self.problem, self.scheme, self.intervals)
-                if ipopt
-                else stages(self.problem, self.scheme, self.intervals, variant.boundary)
+            if ipopt:
+                layout = blocks(self.problem, self.scheme, self.intervals)
+            else:
+                layout = stages(self.problem, self.scheme, self.intervals, boundary, integrated)
+            program = collocation_program(
+                self.problem, self.scheme, layout, upper=ipopt, compiled=self.options.compiled
             )
-            self._programs[variant.boundary] = collocation_program(self.problem, self.scheme, layout, ipopt), layout
-        program, layout = self._programs[variant.boundary]
+            self._programs[key] = program, layout
+        return self._programs[key]
+
+    def _solver(self, variant: _Variant) -> Exchange:
         if variant not in self._solvers:
-            self._solvers[variant] = nonlinear_solver(
-                program, self.options, layout.stages, bounded=variant.bounded, restart=variant.restart
-            )
-        return self._solvers[variant], layout
+            program, layout = self._program(variant.boundary, variant.integrated)
+            options = replace(self.options, iterations=variant.iterations)
+            solver = nonlinear_solver(program, options, layout.stages, bounded=variant.bounded, restart=variant.restart)
+            self._solvers[variant] = Exchange(solver, layout)
+        return self._solvers[variant]
 
     def solve(self, numbers: Numbers, guess: Nodes, restart: bool = False) -> Outcome:
         """Solve with these numbers.
@@ -119,28 +146,62 @@ class Transcription:
         Returns:
             The outcome, also where the solver fails.
         """
-        bounded, boundary = (
+        states, between, boundary = (
             any(bounds is not None and bool(bounds.finite.any()) for bounds in group)
-            for group in ((numbers.state, numbers.control, numbers.path), (numbers.boundary,))
+            for group in ((numbers.state,), (numbers.control, numbers.path), (numbers.boundary,))
         )
-        solver, layout = self._solver(self._variant(bounded, boundary, restart))
-        arguments = self._arguments(layout, numbers, guess)
+        bounded = states or between or numbers.start.has_room or numbers.end.has_room
+        variant = self._variant(bounded=bounded, boundary=boundary, states=states, restart=restart)
+        in_time = self._in_time(variant, numbers, guess)
+        outcome, gave_up = self._solve(in_time, numbers, guess, hurried=in_time != variant)
+        return self._by_another_solver(outcome, numbers, guess) if gave_up else outcome
+
+    def _solve(self, variant: _Variant, numbers: Numbers, guess: Nodes, *, hurried: bool) -> tuple[Outcome, bool]:
+        """One run of the solver, and whether another one may do better."""
+        solver = self._solver(variant)
+        solver.write(numbers, guess)
+        begin = perf_counter()
         try:
-            result = solver(**arguments)
-            verdict = read_verdict(solver.stats(), self.options)
+            statistics = solver.solve()
         except RuntimeError as error:
-            return Outcome(
-                status=Status.FAILED, message=f"the solver stopped: {error}", cost=np.nan, nodes=guess, statistics={}
-            )
-        status, message, cost = verdict.status, verdict.message, float(result["f"])
-        nodes = _unpack(layout, result["x"].full()[:, 0])
+            message = f"the solver stopped: {error}"
+            return Outcome(status=Status.FAILED, message=message, cost=np.nan, nodes=guess, statistics={}), False
+        effort = Effort(variant.iterations, hurried, perf_counter() - begin)
+        verdict = read_verdict(statistics, self.options, effort)
+        status, message, cost = verdict.status, verdict.message, float(solver.outputs["f"][0])
+        nodes = solver.read(self._maps, numbers.edges)
         # A solver's own word is not enough: FATROP calls a cost that is no number a success.
-        if not np.isfinite(cost) or verdict.not_finite:
+        finite = np.isfinite(cost) and not verdict.not_finite
+        if not finite:
             status, message = Status.FAILED, self._what_is_not_finite(numbers, nodes)
-        elif status is Status.OK and _violation(arguments, result) > VIOLATION:
-            message = f"the solver's answer violates its conditions by {_violation(arguments, result):.2g}"
+        elif status is Status.OK and (violation := solver.violation(VIOLATION)) > VIOLATION:
             status = Status.FAILED
-        return Outcome(status=status, message=message, cost=cost, nodes=nodes, statistics=dict(verdict.statistics))
+            message = f"the solver's answer violates its conditions by {violation:.2g}"
+        outcome = Outcome(status=status, message=message, cost=cost, nodes=nodes, statistics=dict(verdict.statistics))
+        return outcome, verdict.gave_up and bool(finite)
+
+    def _in_time(self, variant: _Variant, numbers: Numbers, guess: Nodes) -> _Variant:
+        """For FATROP, which has no clock: with the iterations, by powers of two, that fit into the time."""
+        if self.options.solver == "ipopt":
+            return variant
+        key = variant.boundary, variant.integrated
+        if key not in self._paces:
+            solver = self._solver(variant)
+            solver.write(numbers, guess)
+            self._paces[key] = _pace(self._programs[key][0], solver)
+        affordable = self.options.seconds / self._paces[key]
+        if affordable >= variant.iterations:
+            return variant
+        return variant._replace(iterations=2 ** int(np.log2(max(affordable, 1.0))))
+
+    def _by_another_solver(self, outcome: Outcome, numbers: Numbers, guess: Nodes) -> Outcome:
+        """What IPOPT finds where FATROP gave up; its statistics say so."""
+        if self._other is None:
+            options = replace(self.options, solver="ipopt")
+            self._other = Transcription(self.problem, self.intervals, self.degree, self.name, options)
+        other = self._other.solve(numbers, guess)
+        gave_up = f"fatrop gave up after {outcome.statistics['iterations']} iterations"
+        return replace(other, statistics=other.statistics | {"instead": gave_up})
 
     def _what_is_not_finite(self, numbers: Numbers, nodes: Nodes) -> str:
         """The first function and time at which it is no number, in words."""
@@ -151,38 +212,6 @@ class Transcription:
             if wrong.size:
                 return f"a function of the problem is not finite: the {name} at t = {times[wrong[0]]:.4g} s"
         return "a function of the problem, or a derivative of one, is not finite"
-
-    def _arguments(self, layout: Layout, numbers: Numbers, guess: Nodes) -> dict[str, np.ndarray]:
-        nx, nu, _, _, nh, nb = self.sizes
-        state, control = numbers.state or Bounds.free(nx), numbers.control or Bounds.free(nu)
-        path, boundary = numbers.path or Bounds.free(nh), numbers.boundary or Bounds.free(nb)
-
-        def unknowns(side: str) -> np.ndarray:
-            extreme = np.maximum if side == "lower" else np.minimum
-            values = np.full(layout.unknowns, -np.inf if side == "lower" else np.inf)
-            values[layout.points] = getattr(state, side)[:, None, None]
-            values[layout.edges] = getattr(state, side)[:, None]
-            for edge, bounds in ((0, numbers.start), (-1, numbers.end)):
-                values[layout.edges[:, edge]] = extreme(values[layout.edges[:, edge]], getattr(bounds, side))
-            values[layout.control] = getattr(control, side)[:, None, None]
-            return values
-
-        def conditions(side: str) -> np.ndarray:
-            values = np.zeros(layout.conditions)
-            bound = getattr(path, side)
-            values[layout.path] = bound[:, None, None] if bound.ndim == 1 else bound
-            if layout.boundary is not None:
-                values[layout.boundary] = getattr(boundary, side)
-            return values
-
-        return {
-            "x0": _pack(layout, guess),
-            "p": np.concatenate([np.diff(numbers.edges), flat(numbers.data).ravel(order="F"), numbers.parameters]),
-            "lbx": unknowns("lower"),
-            "ubx": unknowns("upper"),
-            "lbg": conditions("lower"),
-            "ubg": conditions("upper"),
-        }
 
     def node_times(self, edges: np.ndarray) -> np.ndarray:
         """(N, d) [s] times of the collocation points on a mesh (N + 1,)."""
@@ -238,24 +267,9 @@ class Transcription:
         return rate, integrand[0], path
 
 
-def _pack(layout: Layout, nodes: Nodes) -> np.ndarray:
-    x = np.zeros(layout.unknowns)
-    x[layout.points], x[layout.edges], x[layout.control] = nodes.points, nodes.edges, nodes.control
-    if layout.memory.size:
-        x[layout.memory] = nodes.edges[:, :1]
-    return x
-
-
-def _violation(arguments: dict[str, np.ndarray], result: dict[str, ca.DM]) -> float:
-    """Largest amount by which bounds and conditions are passed, relative to max(1, their size)."""
-    worst = 0.0
-    for value, low, high in (("x", "lbx", "ubx"), ("g", "lbg", "ubg")):
-        found, lower, upper = result[value].full()[:, 0], arguments[low], arguments[high]
-        for excess, bound in ((lower - found, lower), (found - upper, upper)):
-            size = np.maximum(1.0, np.where(np.isfinite(bound), np.abs(bound), 1.0))
-            worst = max(worst, float((excess / size).max(initial=0.0)))
-    return worst
-
-
-def _unpack(layout: Layout, x: np.ndarray) -> Nodes:
-    return Nodes(x[layout.edges], x[layout.points], x[layout.control])
+def _pace(program: Program, solver: Exchange) -> float:
+    """[s] What an iteration takes, about: second derivatives once, and as long again for everything else."""
+    begin = perf_counter()
+    sizes = {"lam_f": np.ones(1), "lam_g": np.zeros(solver.inputs["lbg"].size)}
+    program.functions["nlp_hess_l"](x=solver.inputs["x0"], p=solver.inputs["p"], **sizes)
+    return 2 * (perf_counter() - begin)

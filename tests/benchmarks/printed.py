@@ -19,14 +19,19 @@ One run on one core ({processor}, Python {python}, CasADi {casadi} for occ); med
 for the {finalists} fastest good settings of each other package, of two for the rest. Every answer is a control in
 time that occ's referee replays: *error* is that of the replayed cost against the known optimum, and *excess* the
 largest part by which a torque limit is passed, between nodes too. All start from the same guess on the same graded
-meshes, the others with the numbers of the problem folded into their equations. The time is that of the processor,
-in one thread, for the solve alone: other work on the machine does not count. A package that passes the limit
-between its nodes is timed in its last solve, with the limit drawn in by as much as was passed. occ's time is that
-of its call, with the writing of numbers and the reading of the answer.
+meshes (*first*: width of the first interval, of the horizon), the others with the numbers of the problem folded into
+their equations, and for all the solver of the nonlinear program is set carefully, or to stop at a larger tolerance
+(*tol*) and to start with a smaller barrier (*mu*). The time is that of the processor, in one thread: other work on the
+machine does not count. *ms* is for the solver of the nonlinear program alone, *call* for the package's own call around
+it, with the writing of numbers and the reading of the answer (and in yapss the derivation of the program). A package
+that passes the limit between its nodes is timed in its last solve, with the limit drawn in by as much as was passed.
+occ's functions are compiled (`compiled` of its solver's options: a few seconds once for a problem, kept for all later
+processes, the same numbers to the last bit).
 """
 BLOCKS = (
     "What grows with the square in FATROP's build is the interface's own table of blocks (CasADi fills a sparse matrix "
-    "block by block, also with a structure given by hand); the program is the same as IPOPT's."
+    "block by block, also with a structure given by hand); the program itself is built in linear time. States that are "
+    "integrals of the controls are no unknowns for FATROP, which keeps its blocks small."
 )
 
 
@@ -68,9 +73,10 @@ def _summary(case: dict[str, Any]) -> list[str]:
     if own is None:
         return [*lines, "occ reaches its accuracy with none of its settings."]
     lines.append(
-        f"* occ: {_ms(median(own))} ms with {_setting(own)}, error {own['error']:.1e}; with another radius, from the "
-        f"solution before it, {_ms(median(own, 'resolve_seconds'))} ms; {_found(own)} "
-        f"{_ms(median(own, 'whole_seconds'))} ms."
+        f"* occ: {_ms(median(own))} ms, the call {_ms(median(own, 'call_seconds'))} ms, with {_setting(own)}, error "
+        f"{own['error']:.1e}; the call with another radius, from the solution before it, "
+        f"{_ms(median(own, 'resolve_seconds'))} ms; with finding mesh and back-off, making numbers and guess and "
+        f"looking between the nodes {_ms(median(own, 'whole_seconds'))} ms."
     )
     best: Row | None = None
     for package, rows in by_package.items():
@@ -79,36 +85,35 @@ def _summary(case: dict[str, Any]) -> list[str]:
             held = [abs(r["error"]) for r in rows if "failure" not in r and r["excess"] <= HELD]
             lines.append(f"* {package} does not reach it" + (f"; its least error is {min(held):.1e}." if held else "."))
             continue
-        told = f"{_ms(median(row))} ms with {_setting(row)}, error {row['error']:.1e}."
+        times = f"{_ms(median(row))} ms, the call {_ms(median(row, 'call_seconds'))} ms,"
+        told = f"{times} with {_setting(row)}, error {row['error']:.1e}."
         lines.append(f"* {package} {row['version']}: {told}")
         best = row if best is None or median(row) < median(best) else best
     return lines if best is None else [*lines, "", *_ratios(case, own, best)]
 
 
 def _ratios(case: dict[str, Any], own: Row, best: Row) -> list[str]:
-    times = median(best) / median(own)
-    again = median(best) / median(own, "resolve_seconds")
+    alone, call = (median(best, key) / median(own, key) for key in ("seconds", "call_seconds"))
+    again = median(best, "call_seconds") / median(own, "resolve_seconds")
+    # The solver alone against a whole call: what a reader who is hard on occ would compare.
+    hard = median(best) / median(own, "call_seconds")
     target = 1 / case["target"]
-    verdict = "met" if times >= target else "missed"
+    verdict = "met" if min(alone, call) >= target else "missed"
     return [
-        f"occ takes one {times:.1f}th of the time of the best of the others ({best['package']}), and with another "
-        f"radius one {again:.1f}th; the target of one {target:.0f}th is {verdict}."
+        f"occ takes one {alone:.1f}th of the time of the best of the others ({best['package']}), its call one "
+        f"{call:.1f}th of the other's and one {hard:.1f}th of the other's solver alone, and with another radius one "
+        f"{again:.1f}th; the target of one {target:.0f}th is {verdict}."
     ]
 
 
-def _found(row: Row) -> str:
-    if row["setting"]["solves"] == 1:
-        return "with making numbers and guess and looking between the nodes"
-    return f"the whole search for mesh and back-off, {row['setting']['solves']} solves,"
-
-
 def _table(case: dict[str, Any]) -> list[str]:
-    lines = ["| package | setting | error | excess | ms |", "|---|---|---|---|---|"]
+    lines = ["| package | setting | error | excess | ms | call ms |", "|---|---|---|---|---|---|"]
     for row in case["rows"]:
         if "failure" in row:
-            lines.append(f"| {row['package']} | {_setting(row)} | failed: {_cell(row['failure'])} | | |")
+            lines.append(f"| {row['package']} | {_setting(row)} | failed: {_cell(row['failure'])} | | | |")
         else:
-            numbers = f"{row['error']:.1e} | {row['excess']:.1e} | {_ms(median(row))}"
+            times = f"{_ms(median(row))} | {_ms(median(row, 'call_seconds'))}"
+            numbers = f"{row['error']:.1e} | {row['excess']:.1e} | {times}"
             lines.append(f"| {row['package']} | {_setting(row)} | {numbers} |")
     return lines
 
@@ -135,12 +140,22 @@ def _growth(growth: dict[str, list[Row]]) -> list[str]:
     return [*lines, "", BLOCKS]
 
 
+WORDS = (
+    ("degree", "degree {}"),
+    ("steps", "{} steps each"),
+    ("control_order", "control of degree {}"),
+    ("first", "first {:g}"),
+    ("tolerance", "tol {:g}"),
+    ("barrier", "mu {:g}"),
+)
+
+
 def _setting(row: Row) -> str:
     s = row["setting"]
     words = [str(s[key]) for key in ("method", "solver") if key in s]
     refined = s.get("refined_to", s["intervals"])
     words.append(f"{s['intervals']} intervals" + (f" refined to {refined}" if refined != s["intervals"] else ""))
-    for key, text in (("degree", "degree {}"), ("steps", "{} steps each"), ("control_order", "control of degree {}")):
+    for key, text in WORDS:
         if key in s:
             words.append(text.format(s[key]))
     if s.get("back_off"):

@@ -17,6 +17,8 @@ import statistics
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
@@ -26,15 +28,19 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from occ.errors import Status
 from occ.motion import kinematics_function
+from occ.optimal.attempt import transcription_of
+from occ.optimal.between import limited_arcs
 from occ.optimal.collocation import Collocation
+from occ.optimal.exchange import Exchange
+from occ.optimal.limits import with_knots
 from occ.optimal.mesh import graded_mesh
 from occ.optimal.problem import Nodes, Numbers
 from occ.optimal.reduced import Reduced, path_control
-from occ.optimal.search import Method, Search
 from occ.optimal.solvers import SolverName, SolverOptions
 from occ.optimal.starts import starts_of
-from occ.optimal.transcription import Transcription
+from occ.optimal.transcription import Outcome, Transcription
 from occ.referee import judge
 from occ.task import Limits, Solution, Task
 from occ.trajectory import PiecewisePolynomial
@@ -45,8 +51,10 @@ REPEATS = 7
 PEERS = Path(__file__).parent / "peers"
 OBJECTIVE = "torque_squared"
 MEASURE = "torque_squared_N2m2s"
-FIRST_WIDTH = 0.01
-"""Width of the first interval of the graded meshes, of the horizon: the same mesh for everybody."""
+FIRST_WIDTHS = (0.02, 0.05)
+"""Widths of the first interval of the graded meshes, of the horizon: the same meshes for everybody."""
+SOLVED = ({"tolerance": 1e-8}, {"tolerance": 1e-5, "barrier": 1e-3})
+"""How the solvers of the nonlinear programs are set, for everybody: carefully, or just as far as is needed."""
 
 
 @dataclass(frozen=True)
@@ -83,31 +91,37 @@ FINALISTS = 3
 ROUNDS = 4
 """Back-offs of another package at most."""
 
+
+def _spread(base: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Each setting on each of the meshes, solved carefully and quickly."""
+    return [setting | {"first": first} | solved for setting in base for first in FIRST_WIDTHS for solved in SOLVED]
+
+
 SETTINGS: dict[str, list[dict[str, Any]]] = {
-    "rockit": [
-        *(
-            {"method": "collocation", "intervals": n, "degree": degree, "control_order": order, "solver": "ipopt"}
-            for order, degree, counts in ((0, 2, (40,)), (1, 3, (8, 12, 20)), (2, 4, (8, 12, 20)))
-            for n in counts
-        ),
-        *(
-            {"method": "shooting", "intervals": n, "steps": 4, "control_order": order, "solver": solver}
-            for solver in ("ipopt", "fatrop")
-            for order, counts in ((1, (20,)), (2, (8, 12, 20)))
-            for n in counts
-        ),
-    ],
-    "yapss": [
-        {"intervals": n, "degree": degree}
-        for degree, counts in ((4, (6, 8, 12)), (6, (4, 6, 8)), (9, (4,)))
-        for n in counts
-    ],
+    "rockit": _spread(
+        [
+            *(
+                {"method": "collocation", "intervals": n, "degree": degree, "control_order": order, "solver": "ipopt"}
+                for order, degree, counts in ((1, 3, (8, 10, 12)), (2, 4, (6, 8, 10)), (3, 5, (4, 5, 6)))
+                for n in counts
+            ),
+            *(
+                {"method": "shooting", "intervals": n, "steps": 4, "control_order": 2, "solver": solver}
+                for solver in ("ipopt", "fatrop")
+                for n in (8, 12)
+            ),
+        ]
+    ),
+    "yapss": _spread([{"intervals": n, "degree": degree} for n, degree in ((6, 4), (8, 4), (4, 6), (6, 6))]),
 }
-OWN = {
-    "P1": ((4, 4), (5, 4), (6, 4), (8, 4), (4, 5), (5, 5), (6, 5), (8, 5)),
-    "P2": ((6, 4), (8, 4), (5, 5), (6, 5), (12, 5), (16, 4)),
-}
-"""Intervals and degrees of occ's first meshes."""
+OWN = _spread(
+    [
+        {"solver": solver, "intervals": n, "degree": degree}
+        for solver in ("fatrop", "ipopt")
+        for n, degree in ((4, 4), (6, 4), (8, 4), (4, 5), (5, 5), (6, 5), (8, 5))
+    ]
+)
+INTERVALS = sorted({setting["intervals"] for many in SETTINGS.values() for setting in many})
 
 
 @cache
@@ -148,12 +162,8 @@ def exported(task: Task) -> dict[str, Any]:
         "limit": task.limits.torque,
         "guess_times": times.tolist(),
         "guess": [*rotation.tolist(), np.zeros(len(times)).tolist()],
-        "meshes": {n: mesh(n).tolist() for n in sorted({s["intervals"] for many in SETTINGS.values() for s in many})},
+        "meshes": {f"{n} {first}": graded_mesh(n, first).tolist() for n in INTERVALS for first in FIRST_WIDTHS},
     }
-
-
-def mesh(intervals: int) -> np.ndarray:
-    return graded_mesh(intervals, FIRST_WIDTH)
 
 
 def replayed(case: Case, edges: np.ndarray, nodes: np.ndarray, values: np.ndarray) -> dict[str, float]:
@@ -198,7 +208,7 @@ def _judged(case: Case, peer: str, answer: dict[str, Any]) -> dict[str, Any]:
     if "failure" in answer:
         return row | {"failure": answer["failure"]}
     row |= replayed(case, *(np.array(answer[key]) for key in ("edges", "nodes", "values")))
-    return row | {key: answer[key] for key in ("seconds", "whole_seconds", "claim") if key in answer}
+    return row | {key: answer[key] for key in ("seconds", "call_seconds", "claim")}
 
 
 def _asked(
@@ -216,52 +226,96 @@ def _asked(
 
 
 def of_occ(case: Case) -> list[dict[str, Any]]:
-    """Cold solves from the law's rotation: P1 on the first mesh as it is, P2 on the mesh that the search ends with."""
-    rows = []
-    for solver in ("fatrop", "ipopt"):
-        for intervals, degree in OWN[case.name[:2]]:
-            rows.append(_occ_row(case, solver, intervals, degree))
-    return rows
+    """Cold solves from the law's rotation: P1 on the first mesh as it is, P2 with edges at the switching times."""
+    return [_occ_row(case, setting) for setting in OWN]
 
 
-def _occ_row(case: Case, solver: SolverName, intervals: int, degree: int) -> dict[str, Any]:
+@dataclass(frozen=True)
+class Solved:
+    """One solve of occ: the program, its numbers, its guess and what came out."""
+
+    transcription: Transcription
+    numbers: Numbers
+    guess: Nodes
+    outcome: Outcome
+
+
+def _solved(case: Case, edges: np.ndarray, degree: int, options: SolverOptions, taken: np.ndarray | None) -> Solved:
+    """From the law's rotation, with a part taken off the limits of each interval."""
     formulation = posed(case.task)
-    rotation = starts_of(case.task, 1, None)[0].rotation
-    options = SolverOptions(solver=solver)
+    transcription = transcription_of(formulation.problem(), len(edges) - 1, degree, "radau", options)
+    numbers = formulation.numbers(transcription, edges)
+    if taken is not None:
+        numbers = replace(numbers, path=formulation.path_bounds(taken, degree))
+    guess = formulation.guess(transcription, edges, starts_of(case.task, 1, None)[0].rotation)
+    return Solved(transcription, numbers, guess, transcription.solve(numbers, guess))
+
+
+def _prepared(case: Case, setting: dict[str, Any], careful: SolverOptions, options: SolverOptions) -> Solved:
+    """On a mesh with edges at the switching times, with the limits drawn in until they are held between the nodes."""
+    formulation, degree = posed(case.task), setting["degree"]
+    first = edges = graded_mesh(setting["intervals"], setting["first"]) * case.task.duration
+    if case.task.limits.torque is None:
+        return _solved(case, edges, degree, options, None)
+    for _ in range(ROUNDS):
+        solved = _solved(case, edges, degree, careful, None)
+        arcs = limited_arcs(formulation, solved.transcription, solved.outcome.nodes, solved.numbers)
+        assert arcs is not None
+        edges = with_knots(first, arcs.switching_times())
+    taken = np.zeros((arcs.hard, len(edges) - 1))
+    for _ in range(2 * ROUNDS):
+        solved = _solved(case, edges, degree, options, taken)
+        arcs = limited_arcs(formulation, solved.transcription, solved.outcome.nodes, solved.numbers)
+        assert arcs is not None
+        if arcs.hard_excess.max() <= HELD / 3:
+            break
+        taken += 1.2 * arcs.hard_excess
+    return solved
+
+
+@contextmanager
+def _timed_solver() -> Iterator[list[float]]:
+    """Seconds of the solver alone, in each call of occ, as they are taken of the others."""
+    seconds, original = [], Exchange.solve
+
+    def timed(exchange: Exchange) -> dict[str, Any]:
+        begin = time.process_time()
+        statistics = original(exchange)
+        seconds.append(time.process_time() - begin)
+        return statistics
+
+    Exchange.solve = timed
+    try:
+        yield seconds
+    finally:
+        Exchange.solve = original
+
+
+def _occ_row(case: Case, setting: dict[str, Any]) -> dict[str, Any]:
+    careful = SolverOptions(solver=setting["solver"], compiled=True)
+    options = replace(careful, tolerance=setting["tolerance"], barrier=setting.get("barrier"))
     whole = []
     for _ in range(2):
         # The second time around all programs are built already, as in a sweep.
         begin = time.process_time()
-        # Without a limit the referee's replay is the judge of the mesh; with one the search has to place its knots.
-        tolerance = np.inf if case.task.limits.torque is None else case.accuracy
-        search = Search(formulation, Method(degree=degree, tolerance=tolerance, options=options))
-        first = search.starts(mesh(intervals) * case.task.duration, [rotation])[0]
-        attempt, reason = search.run(first)
+        solved = _prepared(case, setting, careful, options)
         whole.append(time.process_time() - begin)
-    transcription, numbers = attempt.transcription, attempt.numbers
-    guess = formulation.guess(transcription, numbers.edges, rotation)
-    seconds = []
-    for _ in range(REPEATS):
-        begin = time.process_time()
-        outcome = transcription.solve(numbers, guess)
-        seconds.append(time.process_time() - begin)
-    row = {
-        "package": "occ",
-        "version": version("occ"),
-        "setting": {
-            "intervals": intervals,
-            "degree": degree,
-            "solver": solver,
-            "refined_to": transcription.intervals,
-            "solves": len(search.rounds),
-        },
-    }
-    if reason or not outcome.statistics:
-        return row | {"failure": reason or outcome.message}
+    transcription, numbers = solved.transcription, solved.numbers
+    call_seconds = []
+    with _timed_solver() as seconds:
+        for _ in range(REPEATS):
+            begin = time.process_time()
+            outcome = transcription.solve(numbers, solved.guess)
+            call_seconds.append(time.process_time() - begin)
+    found = {"refined_to": transcription.intervals}
+    row = {"package": "occ", "version": version("occ"), "setting": setting | found}
+    if outcome.status is not Status.OK or outcome.statistics["solver"] != setting["solver"]:
+        return row | {"failure": outcome.message or outcome.statistics["instead"]}
     nodes = outcome.nodes
     row |= replayed(case, numbers.edges, transcription.scheme.points, nodes.control)
     return row | {
         "seconds": seconds,
+        "call_seconds": call_seconds,
         "whole_seconds": [whole[1]],
         "claim": outcome.cost,
         "resolve_seconds": _resolved(case, transcription, numbers, nodes),
@@ -302,7 +356,7 @@ def print_growth(solver: SolverName, intervals: int) -> None:
     begin = time.process_time()
     transcription = Transcription(problem, intervals, 5, options=options)
     built = time.process_time() - begin
-    edges = graded_mesh(intervals, min(FIRST_WIDTH, 0.5 / intervals)) * case.task.duration
+    edges = graded_mesh(intervals, min(FIRST_WIDTHS[0], 0.5 / intervals)) * case.task.duration
     numbers = formulation.numbers(transcription, edges)
     guess = formulation.guess(transcription, edges, starts_of(case.task, 1, None)[0].rotation)
     seconds = []

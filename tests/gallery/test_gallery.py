@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from occ.errors import Status
-from occ.optimal import refinement
+from occ.optimal.attempt import Attempt, Grid, Method
 from occ.optimal.elastic import smallest_relaxation
 from occ.optimal.mesh import graded_mesh
-from occ.optimal.refinement import Grid, solve_to_tolerance
+from occ.optimal.refinement import Refinement
 from occ.optimal.solvers import SolverOptions
 from tests.gallery import problems as gallery
 from tests.gallery.problems import Posed, at
@@ -22,6 +22,17 @@ def cost(posed: Posed, edges: np.ndarray, degree: int, scheme: str = "radau", **
     outcome = posed.solve(edges, degree, scheme, **kwargs)[2]
     assert outcome.status is Status.OK, outcome.message
     return outcome.cost
+
+
+def refined(posed: Posed, grid: Grid, tolerance: float) -> tuple[Attempt, Refinement]:
+    method = Method(degree=grid.degree, tolerance=tolerance, options=SolverOptions(), doubled=True)
+    refinement = Refinement(posed.problem, posed, method)
+    attempt, reason = refinement.solve(grid, posed.guess)
+    assert not reason
+    assert attempt.error is not None
+    assert attempt.error.total <= tolerance
+    assert attempt.doubled <= tolerance
+    return attempt, refinement
 
 
 @by_both_solvers
@@ -74,11 +85,10 @@ class TestBounds:
         assert transcription.options.solver == options.solver
 
     def test_van_der_pol(self) -> None:
-        refined = solve_to_tolerance(gallery.van_der_pol(), Grid(edges=np.linspace(0, 5, 7), degree=4), 1e-7)
-        assert refined.outcome.status is Status.OK, refined.outcome.message
+        attempt, _ = refined(gallery.van_der_pol(), Grid(edges=np.linspace(0, 5, 7), degree=4), 1e-7)
         # The PROPT manual's value comes from one polynomial of degree 60 over both corners of the control.
-        assert refined.outcome.cost == pytest.approx(2.86725953808, rel=1e-6)
-        assert refined.outcome.cost == pytest.approx(van_der_pol_by_the_maximum_principle(), rel=1e-7)
+        assert attempt.outcome.cost == pytest.approx(2.86725953808, rel=1e-6)
+        assert attempt.outcome.cost == pytest.approx(van_der_pol_by_the_maximum_principle(), rel=1e-7)
 
 
 def van_der_pol_by_the_maximum_principle() -> float:
@@ -152,27 +162,26 @@ class TestRefinement:
     @pytest.mark.parametrize("tolerance", [1e-5, 1e-8])
     def test_a_smooth_problem_is_given_a_higher_degree(self, tolerance: float) -> None:
         posed, exact = gallery.brachistochrone(), gallery.brachistochrone_time()
-        refined = solve_to_tolerance(posed, Grid(edges=posed.mesh(6), degree=3), tolerance)
-        assert refined.outcome.status is Status.OK, refined.outcome.message
-        assert refined.error <= tolerance
-        assert refined.doubled <= tolerance
-        assert abs(refined.outcome.cost - exact) <= tolerance
-        assert refined.rounds[-1][1] > 3
+        attempt, refinement = refined(posed, Grid(edges=posed.mesh(6), degree=3), tolerance)
+        assert abs(attempt.outcome.cost - exact) <= tolerance
+        assert refinement.rounds[-1]["degree"] > 3
 
     def test_boundary_layers_are_given_intervals(self) -> None:
         posed = gallery.hypersensitive(horizon=1e4)
-        refined = solve_to_tolerance(posed, Grid(edges=posed.mesh(6), degree=4), 1e-6)
-        assert refined.outcome.status is Status.OK, refined.outcome.message
-        assert refined.outcome.cost == pytest.approx(gallery.hypersensitive_cost(), rel=1e-6)
-        widths = np.diff(refined.numbers.edges)
+        attempt, _ = refined(posed, Grid(edges=posed.mesh(6), degree=4), 1e-6)
+        assert attempt.outcome.cost == pytest.approx(gallery.hypersensitive_cost(), rel=1e-6)
+        widths = np.diff(attempt.edges)
         assert widths[[0, -1]].max() < 1e-3 * widths.max()
+        # No degree makes up for intervals that are too long for a layer.
+        assert attempt.grid.degree <= 6
 
     def test_a_tolerance_that_is_not_reached_is_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(refinement, "MOST_INTERVALS", 100)
+        monkeypatch.setattr("occ.optimal.refinement.MOST_INTERVALS", 100)
         posed = gallery.catalyst_mixing()
-        refined = solve_to_tolerance(posed, Grid(edges=posed.mesh(4), degree=6), 1e-13)
-        assert refined.outcome.status is Status.FAILED
-        assert "error between nodes is still" in refined.outcome.message
+        grid = Grid(edges=posed.mesh(4), degree=6)
+        method = Method(degree=6, tolerance=1e-13, options=SolverOptions())
+        _, reason = Refinement(posed.problem, posed, method).solve(grid, posed.guess)
+        assert "error between nodes is still" in reason
 
 
 class TestInfeasible:

@@ -44,7 +44,8 @@ class TestCheckValues:
         task = paper_task()
         player = Collocation(objective="torque_squared", intervals=8, degree=5, tolerance=1e-4)
         solution = player.solve(task)
-        assert [r["intervals"] for r in solution.statistics["rounds"]] == [8]
+        # Accepted at once, and confirmed on twice as many.
+        assert [r["intervals"] for r in solution.statistics["rounds"]] == [8, 16]
         assert judge(task, solution).measures["torque_squared_N2m2s"] == pytest.approx(29.1715677318, rel=1e-6)
 
 
@@ -125,13 +126,51 @@ class TestRefinement:
         assert solution.statistics["claimed_cost"] == pytest.approx(29.1715677318, rel=1e-6)
 
     def test_an_error_that_does_not_fall_is_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        from occ.optimal import search
+        from occ.optimal import refinement
 
-        monkeypatch.setattr(search, "refine", lambda edges, error, tolerance: edges)
+        monkeypatch.setattr(refinement, "next_grid", lambda grid, error, falls, tolerance: grid)
         solution = Collocation(objective="work", intervals=6, tolerance=1e-9).solve(paper_task())
         assert solution.status is Status.FAILED
         assert "error between nodes is still" in solution.message
         assert "tolerance 1e-09" in solution.message
+
+    def test_an_optimum_without_layers_is_given_a_higher_degree(self) -> None:
+        keys = {"objective": "torque_squared", "end": "periodic", "start": "free", "winding": 0, "tolerance": 1e-8}
+        radau, legendre = (Collocation(scheme=scheme, **keys).solve(paper_task()) for scheme in ("radau", "legendre"))
+        rounds = radau.statistics["rounds"]
+        assert radau.status is Status.OK, radau.message
+        assert rounds[-1]["degree"] > rounds[0]["degree"]
+        assert f"intervals of degree {rounds[-1]['degree']}" in radau.message
+        assert radau.statistics["claimed_cost"] == pytest.approx(legendre.statistics["claimed_cost"], rel=1e-9)
+
+    def test_the_achieved_error_is_in_row_and_statistics_and_that_of_a_doubled_mesh_too(self) -> None:
+        player = Collocation(objective="torque_squared", intervals=6, degree=3, tolerance=1e-4)
+        solution = player.solve(paper_task())
+        statistics = solution.statistics
+        assert 0.0 < statistics["error"] <= 1e-4
+        assert 0.0 < statistics["doubled_mesh"] <= 1e-4
+        # The estimate of the doubled mesh is one of the true error.
+        true = abs(statistics["claimed_cost"] - 29.1715677318) / 29.1715677318
+        assert true == pytest.approx(statistics["doubled_mesh"], rel=0.5)
+        assert f"error between nodes {statistics['error']:.1g}" in solution.message
+        assert f"twice as many change the cost by {statistics['doubled_mesh']:.1g} of it" in solution.message
+
+    def test_a_mesh_that_its_doubling_contradicts_is_refined(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        # An estimate that sees nothing: the doubled mesh alone has to find out.
+        from occ.optimal import refinement
+
+        class Blind(refinement.ErrorEstimate):
+            total = 0.0
+
+        estimate = refinement.estimate_error
+        monkeypatch.setattr(
+            refinement, "estimate_error", lambda *arguments: Blind(*vars(estimate(*arguments)).values())
+        )
+        player = Collocation(objective="torque_squared", intervals=4, degree=2, tolerance=1e-5)
+        solution = player.solve(paper_task())
+        assert [r["intervals"] for r in solution.statistics["rounds"]][:3] == [4, 8, 16]
+        assert solution.statistics["doubled_mesh"] <= 1e-5
+        assert solution.statistics["claimed_cost"] == pytest.approx(29.1715677318, rel=1e-5)
 
     def test_a_linear_problem_has_its_closed_form(self) -> None:
         # Platform at rest on a standing program would be trivial; on a straight line without yaw coupling the least

@@ -178,6 +178,10 @@ class TestKnots:
         edges = with_knots(np.linspace(0.0, 1.0, 5), np.array([1e-12, 1.0 - 1e-12]))
         assert edges.tolist() == [0.0, 0.25, 0.5, 0.75, 1.0]
 
+    def test_knots_of_the_program_stay(self) -> None:
+        edges = with_knots(np.linspace(0.0, 8.0, 9), np.array([3.05]), np.array([3.0]))
+        assert {3.0, 3.05} <= set(edges.tolist())
+
     def test_switching_times_of_a_known_arc(self) -> None:
         # |q| / limit = min(1, 1.5 t) on [0, 1]: on its limit from t = 2/3 on.
         t = np.linspace(0, 1, 1001)[None]
@@ -185,6 +189,7 @@ class TestKnots:
         arcs = LimitedArcs(
             t=t,
             load=np.minimum(1.0, 1.5 * t)[None],
+            largest=np.ones((1, 1)),
             node_times=nodes,
             node_load=np.minimum(1.0, 1.5 * nodes)[None],
             hard=1,

@@ -11,6 +11,7 @@ from occ.optimal.collocation import Collocation
 from occ.optimal.singular import layers
 from occ.optimal.starts import mean_turning_rate, starts_of
 from occ.referee import judge
+from occ.task import Limits
 from tests.tasks import paper_task
 
 
@@ -73,6 +74,18 @@ class TestLayers:
         assert "no curvature in the torques" in solution.message
         assert "at t = 0 s the yaw rate jumps" in solution.message
         assert "at t = 15.71 s the yaw rate jumps" in solution.message
+
+    def test_are_told_from_arcs_by_the_growth_of_the_control_with_the_mesh(self) -> None:
+        free, limited, smooth = (
+            Collocation(objective=objective).solve(paper_task(limits=limits))
+            for objective, limits in (("work", Limits()), ("work", Limits(torque=1.1)), ("torque_squared", Limits()))
+        )
+        # A jump that is spread over half the interval needs twice the torque, unless a limit holds it.
+        assert free.statistics["control_growth"] == pytest.approx(2.0, abs=0.3)
+        assert "the control in them grows with the mesh" in free.message
+        for solution in (limited, smooth):
+            assert solution.statistics["control_growth"] == pytest.approx(1.0, abs=0.05)
+            assert "grows" not in solution.message
 
     def test_grow_steeper_with_the_mesh_while_the_cost_converges(self) -> None:
         task = paper_task()

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
 
 from occ.errors import Status
+from occ.model.presets import youbot
+from occ.optimal.collocation import Collocation
 from occ.optimal.error import estimate_error, fine_points
 from occ.optimal.mesh import bisect, graded_mesh, scheme
 from occ.optimal.problem import Bounds, Nodes, Numbers, Problem
 from occ.optimal.solvers import SolverOptions
+from occ.optimal.starts import starts_of
 from occ.optimal.transcription import Outcome, Transcription
+from occ.task import Limits
+from tests.tasks import paper_task
 
 
 def symbols(nx: int, nu: int, nd: int = 0, np_: int = 0) -> dict[str, ca.SX]:
@@ -125,18 +132,55 @@ class TestDoubleIntegrator:
         np.testing.assert_allclose(control[0], 6 - 12 * t, atol=1e-7)
 
 
+def refuse_to_build(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From now on no solver and no function is made."""
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("built again")
+
+    monkeypatch.setattr(ca, "nlpsol", refuse)
+    monkeypatch.setattr(ca, "Function", refuse)
+
+
 class TestParameters:
     """One structure, many numbers."""
 
-    def test_a_resolve_with_other_numbers_builds_nothing(self, monkeypatch: pytest.MonkeyPatch) -> None:
+    @pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
+    @pytest.mark.parametrize("limited", [False, True])
+    def test_another_circle_point_platform_or_limit_builds_nothing(
+        self, solver: str, limited: bool, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        task = paper_task(limits=Limits(torque=1.2 if limited else None))
+        motion = task.motion
+        others = [
+            replace(task, motion=replace(motion, radius=0.65)),
+            replace(task, motion=replace(motion, rate=-0.35)),
+            replace(task, point=(0.35, 0.1)),
+            replace(task, platform=youbot(friction_scale=1.1)),
+            replace(task, limits=Limits(torque=1.15)) if limited else task,
+        ]
+        player, costs = Collocation(objective="torque_squared", solver=solver), []
+        formulation = player.posed(task)
+        assert formulation is not None
+        transcription = Transcription(formulation.problem(), 8, 4, options=SolverOptions(solver=solver))
+        edges, rotation = graded_mesh(8, 0.02) * task.duration, starts_of(task, 1, None)[0].rotation
+        for k, other in enumerate([task, *others]):
+            formulation = player.posed(other)
+            assert formulation is not None
+            guess = formulation.guess(transcription, edges, rotation)
+            outcome = transcription.solve(formulation.numbers(transcription, edges), guess)
+            assert outcome.status is Status.OK, outcome.message
+            costs.append(outcome.cost)
+            if k == 0:
+                refuse_to_build(monkeypatch)
+        assert len(set(costs)) == (6 if limited else 5)
+
+    @pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
+    def test_a_resolve_with_other_numbers_builds_nothing(self, solver: str, monkeypatch: pytest.MonkeyPatch) -> None:
         s = symbols(1, 1, np_=1)
         problem = Problem(**s, rate=s["control"], integrand=s["parameters"] * s["state"] ** 2 + s["control"] ** 2)
-        transcription = Transcription(problem, 6, 4)
-
-        def refuse(*_: object, **__: object) -> None:
-            raise AssertionError("built again")
-
-        monkeypatch.setattr(ca, "nlpsol", refuse)
+        transcription = Transcription(problem, 6, 4, options=SolverOptions(solver=solver))
+        refuse_to_build(monkeypatch)
         for q, duration, start in ((1.0, 1.0, 1.0), (4.0, 2.0, -0.5), (0.25, 0.5, 3.0)):
             numbers = Numbers(
                 edges=graded_mesh(6, 0.05) * duration,
@@ -231,10 +275,11 @@ class TestErrorEstimate:
 class TestFailure:
     """A numerical failure is a value with a reason."""
 
-    def test_contradicting_constraints_are_infeasible(self) -> None:
+    @pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
+    def test_contradicting_constraints_are_infeasible(self, solver: str) -> None:
         s = symbols(1, 1)
         problem = Problem(**s, rate=s["control"], integrand=s["control"] ** 2, path=s["control"])
-        transcription = Transcription(problem, 4, 3)
+        transcription = Transcription(problem, 4, 3, options=SolverOptions(solver=solver))
         numbers = Numbers(
             edges=np.linspace(0, 1, 5),
             data=np.zeros((0, 4, 3)),
@@ -247,17 +292,38 @@ class TestFailure:
         assert outcome.status is Status.INFEASIBLE
         assert "contradict" in outcome.message
 
-    def test_too_few_iterations(self) -> None:
-        _, _, outcome = solve(pendulum(), [0, 0], [3, 0], np.linspace(0, 2, 5), 3, options=SolverOptions(iterations=1))
+    @pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
+    def test_too_few_iterations(self, solver: str) -> None:
+        options = SolverOptions(solver=solver, iterations=1)
+        _, _, outcome = solve(pendulum(), [0, 0], [3, 0], np.linspace(0, 2, 5), 3, options=options)
         assert outcome.status is Status.FAILED
-        assert "iterations" in outcome.message
+        assert outcome.message == "the solver used all its 1 iterations"
 
-    def test_a_function_that_is_not_finite(self) -> None:
+    @pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
+    def test_too_little_time(self, solver: str) -> None:
+        options = SolverOptions(solver=solver, seconds=1e-6)
+        _, _, outcome = solve(pendulum(), [0, 0], [3, 0], np.linspace(0, 2, 5), 3, options=options)
+        assert outcome.status is Status.FAILED
+        assert outcome.message == "the solver used all its time, 1e-06 s"
+
+    def test_more_iterations_than_fatrop_is_worth_go_to_ipopt(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("occ.optimal.transcription.PATIENCE", 2)
+        options = SolverOptions(solver="fatrop")
+        _, _, outcome = solve(pendulum(), [0, 0], [3, 0], np.linspace(0, 2, 5), 3, options=options)
+        _, _, expected = solve(pendulum(), [0, 0], [3, 0], np.linspace(0, 2, 5), 3)
+        assert outcome.status is Status.OK
+        assert outcome.cost == expected.cost
+        assert outcome.statistics["solver"] == "ipopt"
+        assert outcome.statistics["instead"] == "fatrop gave up after 2 iterations"
+
+    @pytest.mark.parametrize("solver", ["ipopt", "fatrop"])
+    def test_a_function_that_is_not_finite(self, solver: str) -> None:
         s = symbols(1, 1)
         problem = Problem(**s, rate=s["control"], integrand=ca.sqrt(s["state"] - 5))
-        _, _, outcome = solve(problem, [0.0], None, np.linspace(0, 1, 3), 2)
+        options = SolverOptions(solver=solver)
+        _, _, outcome = solve(problem, [0.0], None, np.linspace(0, 1, 3), 2, options=options)
         assert outcome.status is Status.FAILED
-        assert outcome.message
+        assert "not finite: the integrand at t = 0.1667 s" in outcome.message
 
 
 class TestMesh:

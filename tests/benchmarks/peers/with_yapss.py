@@ -46,13 +46,15 @@ def solve(model: dict[str, Any], setting: dict[str, Any], repeats: int) -> dict[
     guess = problem.guess.phase[0]
     guess.time = model["guess_times"]
     guess.state, guess.control = model["guess"][:2], model["guess"][2 : 2 + controls]
-    mesh = np.array(model["meshes"][str(count)])
+    mesh = np.array(model["meshes"][f"{count} {setting['first']}"])
     problem.mesh.phase[0].fraction = tuple(np.diff(mesh))
     problem.mesh.phase[0].collocation_points = (degree,) * count
     problem.spectral_method = "lgr"
     problem.derivatives.method, problem.derivatives.order = "auto", "second"
     problem.ipopt_options.print_level = 0
-    problem.ipopt_options.tol = 1e-8
+    problem.ipopt_options.tol = setting["tolerance"]
+    if "barrier" in setting:
+        problem.ipopt_options.mu_init = setting["barrier"]
     whole, inner = [], []
     original = yapss_solver._solve_ipopt_problem
 
@@ -78,7 +80,7 @@ def solve(model: dict[str, Any], setting: dict[str, Any], repeats: int) -> dict[
         "claim": float(solution.objective),
         # The solve alone: without the derivation of the program, which yapss repeats in every call.
         "seconds": inner,
-        "whole_seconds": whole,
+        "call_seconds": whole,
         "edges": edges.tolist(),
         "nodes": nodes.tolist(),
         "values": np.array(phase.control).reshape(controls, count, degree).tolist(),
