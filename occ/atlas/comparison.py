@@ -57,7 +57,8 @@ def compare(item: Comparison) -> list[Row]:
         BoundViolation: a feasible row below a proven bound of its class.
     """
     task = item.case.task()
-    rows = [solve_row(item.case, task, name, player)[0] for name, player in item.case.players().items()]
+    players = item.case.players().items()
+    rows = [solve_row(item.case, task, name, player, with_motion=False)[0] for name, player in players]
     return _bounded(item, rows)
 
 

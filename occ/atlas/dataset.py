@@ -5,7 +5,9 @@ from __future__ import annotations
 import csv
 import io
 import json
-import tempfile
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,50 +17,19 @@ import numpy as np
 from occ.atlas.comparison import variables
 from occ.atlas.grid import Grid
 from occ.atlas.run import Found, coordinates_of, status_texts
-from occ.atlas.variables import LEAST_WORK, LONG_RUN, REGIMES
+from occ.atlas.variables import LEAST_WORK, LONG_RUN, REGIMES, Variable
 from occ.errors import InputError
 from occ.experiment.case import NUMERICS, code_fingerprint
 from occ.experiment.naming import case_name
-from occ.experiment.store import write_bytes, write_text
+from occ.experiment.store import replacing, write_text
 
 if TYPE_CHECKING:
     import xarray as xr
 
 FILE = "atlas.nc"
-COMPRESSED = {"zlib": True, "complevel": 6, "shuffle": True}
-
-
-def atlas_dataset(grid: Grid, found: Found) -> xr.Dataset:
-    """All values with their names.
-
-    Args:
-        grid: dimensions and provenance.
-        found: the values.
-
-    Returns:
-        Variables over the swept keys, and over ``controller`` where controllers were compared.
-    """
-    import xarray as xr
-
-    names = {**LONG_RUN, **LEAST_WORK}
-    dims = tuple(grid.values)
-    data: dict[str, Any] = {}
-    for name, values in found.columns.items():
-        item = names[name]
-        texts = np.array(REGIMES)[values] if item.text else values
-        data[name] = (dims, texts.reshape(grid.shape), {"units": item.unit, "long_name": item.meaning})
-    coordinates: dict[str, Any] = {
-        key: (key, np.array(values), {"long_name": key, "units": unit_of(key)})
-        for key, values in grid.coordinates.items()
-    }
-    if found.rows:
-        coordinates["controller"] = ("controller", grid.experiment.cases[0].controllers, {"long_name": "controller"})
-        for name, item in variables(grid.experiment.objectives).items():
-            values = found.rows[name].reshape(*grid.shape, -1)
-            data[name] = ((*dims, "controller"), values, {"units": item.unit, "long_name": item.meaning})
-        texts = status_texts(found.rows["status"]).reshape(*grid.shape, -1)
-        data["status"] = ((*dims, "controller"), texts, {"units": "1", "long_name": "status of the row"})
-    return xr.Dataset(data, coordinates, _provenance(grid))
+COMPRESSED: dict[str, Any] = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
+MOST_IN_CHUNK = 1 << 16
+"""Values that are compressed, and held in memory, together."""
 
 
 def _provenance(grid: Grid) -> dict[str, str]:
@@ -124,37 +95,124 @@ def unit_of(key: str) -> str:
     return "1"
 
 
-def write_atlas(dataset: xr.Dataset, folder: Path) -> None:
+def write_atlas(grid: Grid, found: Found, folder: Path) -> None:
     """Write ``atlas.nc``, compressed and without dates: the same atlas makes the same bytes.
 
+    Variables go there slab by slab, so that memory does not grow with the number of points.
+
     Args:
-        dataset: of `atlas_dataset`.
+        grid: dimensions and provenance.
+        found: the values.
         folder: of the experiment.
 
     Raises:
         InputError: the folder cannot be written.
     """
-    encoding: dict[str, Any] = {}
-    for name, variable in dataset.data_vars.items():
-        encoding[str(name)] = dict(COMPRESSED)
-        if variable.dtype.kind == "U":
-            # Texts of another length have another dimension of letters.
-            letters = max(map(len, np.unique(variable.values)), default=1)
-            encoding[str(name)] |= {"dtype": "S1", "char_dim_name": f"letters_{letters}"}
-    with tempfile.TemporaryDirectory() as place:
-        path = Path(place) / FILE
-        dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)
-        write_bytes(folder / FILE, path.read_bytes())
+    import h5netcdf
+
+    with replacing(folder / FILE) as path, h5netcdf.File(path, "w") as file:
+        file.attrs.update(_provenance(grid))
+        file.dimensions = {key: len(values) for key, values in grid.values.items()}
+        for key, labels in grid.coordinates.items():
+            _Variable(file, key, (key,), np.array(labels), unit_of(key), key).fill(np.array(labels))
+        size, words = math.prod(grid.shape[1:]), _encoded(np.array(REGIMES))
+        for name in found.columns:
+            item = {**LONG_RUN, **LEAST_WORK}[name]
+            sample = words if item.text else np.zeros(1)
+            variable = _Variable(file, name, tuple(grid.values), sample, item.unit, item.meaning)
+            for first, last in variable.slabs():
+                values = found.columns.part(name, first * size, last * size)
+                variable.fill(words[values] if item.text else values, first, last)
+        if found.rows:
+            _write_rows(file, grid, found)
 
 
-def read_atlas(folder: Path) -> xr.Dataset:
-    """Read back what `write_atlas` has written.
+def _write_rows(file: Any, grid: Grid, found: Found) -> None:
+    """The numbers of the controllers."""
+    names = np.array(grid.experiment.cases[0].controllers)
+    file.dimensions["controller"] = len(names)
+    _Variable(file, "controller", ("controller",), names, "1", "controller").fill(names)
+    texts = status_texts(found.rows["status"])
+    columns = {name: (found.rows[name], item) for name, item in variables(grid.experiment.objectives).items()}
+    for name, (values, item) in {**columns, "status": (texts, Variable("1", "status of the row"))}.items():
+        _Variable(file, name, (*grid.values, "controller"), values, item.unit, item.meaning).fill(values)
+
+
+class _Variable:
+    """One variable of the file; texts are arrays of letters, as netCDF has them.
+
+    Args:
+        file: of h5netcdf.
+        name: of the variable.
+        dims: names of its dimensions.
+        sample: values of its type; the longest text among them.
+        unit: of the values.
+        meaning: one line.
+    """
+
+    def __init__(
+        self, file: Any, name: str, dims: tuple[str, ...], sample: np.ndarray, unit: str, meaning: str
+    ) -> None:
+        self.shape: tuple[int, ...] = tuple(file.dimensions[key].size for key in dims)
+        sample = _encoded(sample)
+        self.letters = sample.dtype.itemsize if sample.dtype.kind == "S" else 0
+        chunks, attributes = _chunks(self.shape), {"units": unit, "long_name": meaning}
+        self.rows = chunks[0]
+        if self.letters:
+            length = f"letters_{self.letters}"
+            if length not in file.dimensions:
+                file.dimensions[length] = self.letters
+            dims, chunks = (*dims, length), (*chunks, self.letters)
+            attributes["_Encoding"] = "utf-8"
+        is_data = name not in dims and not self.letters
+        self._variable = file.create_variable(
+            name,
+            dims,
+            "S1" if self.letters else "f8",
+            chunks=chunks,
+            fillvalue=np.nan if is_data else None,
+            **COMPRESSED,
+        )
+        self._variable.attrs.update(attributes)
+
+    def slabs(self) -> Iterator[tuple[int, int]]:
+        """First and last places along the first dimension, of parts that fit the chunks."""
+        for first in range(0, self.shape[0], self.rows):
+            yield first, min(first + self.rows, self.shape[0])
+
+    def fill(self, values: np.ndarray, first: int = 0, last: int | None = None) -> None:
+        """Write the values of a slab."""
+        last = self.shape[0] if last is None else last
+        shape = (last - first, *self.shape[1:])
+        if self.letters:
+            values = np.ascontiguousarray(_encoded(values).astype(f"S{self.letters}")).view("S1")
+            shape = (*shape, self.letters)
+        self._variable[first:last] = values.reshape(shape)
+
+
+def _encoded(values: np.ndarray) -> np.ndarray:
+    """Texts as bytes; anything else as it is."""
+    return np.char.encode(values, "utf-8") if values.dtype.kind == "U" else values
+
+
+def _chunks(shape: tuple[int, ...]) -> tuple[int, ...]:
+    """Numbers of values along each dimension that are compressed together."""
+    left, chunks = MOST_IN_CHUNK, []
+    for count in reversed(shape):
+        chunks.append(max(1, min(count, left)))
+        left //= chunks[-1]
+    return tuple(reversed(chunks))
+
+
+@contextmanager
+def open_atlas(folder: Path) -> Iterator[xr.Dataset]:
+    """An atlas whose values are read when they are asked for.
 
     Args:
         folder: of the experiment.
 
-    Returns:
-        The same dataset, in memory.
+    Yields:
+        Variables over the swept keys, and over ``controller`` where controllers were compared.
 
     Raises:
         InputError: no atlas there.
@@ -163,7 +221,40 @@ def read_atlas(folder: Path) -> xr.Dataset:
 
     path = folder / FILE
     try:
-        with xr.open_dataset(path, engine="h5netcdf") as dataset:
-            return dataset.load()
+        dataset = xr.open_dataset(path, engine="h5netcdf", cache=False)
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: no atlas there ({error}); occ atlas makes one") from error
+    with dataset:
+        yield dataset
+
+
+def read_atlas(folder: Path) -> xr.Dataset:
+    """The same with all values in memory.
+
+    Args:
+        folder: of the experiment.
+
+    Returns:
+        The dataset.
+
+    Raises:
+        InputError: no atlas there.
+    """
+    with open_atlas(folder) as dataset:
+        return dataset.load()
+
+
+def slabs(data: xr.Dataset) -> Iterator[xr.Dataset]:
+    """An atlas in parts along its first dimension.
+
+    Args:
+        data: the atlas.
+
+    Yields:
+        Parts of some ten thousand points.
+    """
+    first = next(key for key in data.sizes if key != "controller")
+    points = math.prod(size for key, size in data.sizes.items() if key not in ("controller", first))
+    step = max(1, MOST_IN_CHUNK // points)
+    for k in range(0, data.sizes[first], step):
+        yield data.isel({first: slice(k, k + step)})

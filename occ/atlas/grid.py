@@ -141,6 +141,7 @@ def load_grid(path: Path, overrides: Sequence[str] = ()) -> Grid:
         )
     rows: list[tuple[float, ...]] = []
     platforms: dict[bytes, tuple[int, np.ndarray]] = {}
+    wheels: set[int] = set()
     for combination in itertools.product(*others.values()):
         task = _file(first.tables, dict(zip(others, combination, strict=True))).task()
         numbers = task.platform.parameters()
@@ -151,6 +152,10 @@ def load_grid(path: Path, overrides: Sequence[str] = ()) -> Grid:
         duration = np.nan if by_rate else task.duration
         start = task.start.heading, task.start.heading_rate
         rows.append((*task.point, circle.radius, circle.rate, circle.phase, *start, duration, where))
+        wheels.add(task.platform.wheel_count)
+    if len(wheels) > 1:
+        counts = " and ".join(map(str, sorted(wheels)))
+        raise InputError(f"{path}: sweep: platforms with {counts} wheels; all of an atlas should have the same number")
     parameters = np.array([numbers for _, numbers in platforms.values()])
     options = AtlasTable.model_validate(experiment.tables.get("atlas", {}))
     return Grid(

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
-from occ.atlas.law import CRITICAL, ROTATIONAL, STEADY, UNSTABLE, rotations
 from occ.atlas.motion import keeps_rotating
 from occ.atlas.points import Points
-from occ.atlas.variables import place
+from occ.atlas.variables import CRITICAL, ROTATIONAL, STEADY, UNSTABLE, place
 from occ.model.coefficients import coefficient_function
 from occ.model.constraint import path_functions
-from occ.numeric import evaluate_many
+from occ.numeric import on_arrays
 from occ.theory.asymptotics import asymptotic_period
 from occ.theory.circle import CircleQuantities, circle_quantities
 from occ.theory.coefficients import YawCoefficients
 from occ.theory.dissipation import circle_energy
 from occ.theory.equation import ScaledEquation
+from occ.theory.law_power import rotations
 from occ.theory.long_run import long_run, switch_radius
 from occ.theory.stability import eigenvalues
 
@@ -41,22 +43,21 @@ def long_run_columns(points: Points) -> Columns:
     regime[radius == q.critical_radius] = place(CRITICAL)
     with np.errstate(invalid="ignore"):
         law_regime = np.where((regime == place(STEADY)) & ~(q.stable_damping > 0), place(UNSTABLE), regime)
+    eq = ScaledEquation(rate, np.sign(rate) * q.epsilon, q.radius_ratio, q.k, q.alpha, q.beta - q.alpha)
     candidates = np.flatnonzero(law_regime == place(STEADY))
-    beside = CircleQuantities(*(values[candidates] for values in q))
-    rotates = keeps_rotating(_rows(c, candidates), beside, points.of(candidates))
+    rotates = keeps_rotating(c.of(candidates), eq.of(candidates), points.of(candidates))
     law_regime[candidates[rotates]] = place(ROTATIONAL)
     settled = law_regime != place(UNSTABLE)
     power = np.where(settled, energy.dissipation(q.stable_heading, rate), np.nan)
     turning = np.flatnonzero(law_regime == place(ROTATIONAL))
-    eq = ScaledEquation(rate, np.sign(rate) * q.epsilon, q.radius_ratio, q.k, q.alpha, q.beta - q.alpha)
     period, mean_yaw_rate = np.full(len(points), np.nan), np.where(settled, rate, np.nan)
     asymptotic = period.copy()
     if turning.size:
-        some = ScaledEquation(*(values[turning] for values in eq))
-        found = rotations(circle_energy(_rows(c, turning), radius[turning], rate[turning]), some)
+        some = eq.of(turning)
+        found = rotations(circle_energy(c.of(turning), radius[turning], rate[turning]), some)
         power[turning], period[turning], mean_yaw_rate[turning] = found
         inside = some.ratio < 1
-        asymptotic[turning[inside]] = asymptotic_period(ScaledEquation(*(values[inside] for values in some)))
+        asymptotic[turning[inside]] = asymptotic_period(some.of(inside))
     best = long_run(energy)
     with np.errstate(divide="ignore", invalid="ignore"):
         gap = 100 * (power - best.mean_power) / best.mean_power
@@ -86,17 +87,18 @@ def long_run_columns(points: Points) -> Columns:
     }
 
 
-def _rows(c: YawCoefficients, rows: np.ndarray) -> YawCoefficients:
-    return YawCoefficients(*(values[rows] for values in c))
-
-
 def _switch_radius(points: Points, c: YawCoefficients) -> np.ndarray:
-    """It depends on platform and point B only, which many points share."""
+    """It depends on platform and point B only, which many points, and most blocks of an atlas, share."""
     _, place_of = np.unique(points.point[0] + 1j * points.point[1], return_inverse=True)
     _, first, back = np.unique(
         place_of * len(points.parameters) + points.platform, return_index=True, return_inverse=True
     )
-    return np.asarray(switch_radius(_rows(c, first))[back])
+    return _switch_radii(np.array(c.of(first)).tobytes())[back]
+
+
+@lru_cache(maxsize=16)
+def _switch_radii(coefficients: bytes) -> np.ndarray:
+    return switch_radius(YawCoefficients(*np.frombuffer(coefficients).reshape(len(YawCoefficients._fields), -1)))
 
 
 def steady_torque(points: Points, q: CircleQuantities) -> np.ndarray:
@@ -114,21 +116,18 @@ def steady_torque(points: Points, q: CircleQuantities) -> np.ndarray:
     if not rows.size:
         return torque
     # With the program seen from its own radius the heading is psi~, and velocity and acceleration are along the axes.
-    zero, radius, rate = np.zeros(len(rows)), points.radius[rows], points.rate[rows]
-    velocity, acceleration = np.array([zero, radius * rate]), np.array([-radius * rate**2, zero])
+    radius, rate = points.radius[rows], points.rate[rows]
     packed = np.array([_packed(points.wheel_count, numbers) for numbers in points.parameters])
-    single = len(packed) == 1
-    (torques,) = evaluate_many(
+    (torques,) = on_arrays(
         path_functions(points.wheel_count)["torque"],
-        packed[0] if single else packed[points.platform[rows]].T,
+        packed[0] if len(packed) == 1 else packed[points.platform[rows]].T,
         points.point[:, rows],
-        q.stable_heading[rows][None, :],
-        rate[None, :],
-        velocity,
-        acceleration,
-        zero[None, :],
-        np.zeros((points.wheel_count - 3, len(rows))),
-        shared=(0,) if single else (),
+        (q.stable_heading[rows],),
+        (rate,),
+        (0.0, radius * rate),
+        (-radius * rate**2, 0.0),
+        (0.0,),
+        np.zeros(points.wheel_count - 3),
     )
     torque[rows] = np.abs(torques).max(axis=0)
     return torque

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from occ.atlas.points import Points
-from occ.theory.circle import CircleQuantities
+from occ.theory.attractors import friction_forbids_rotation
 from occ.theory.coefficients import YawCoefficients
 from occ.theory.dissipation import circle_energy
-from occ.theory.equation import yaw_acceleration
+from occ.theory.equation import ScaledEquation, yaw_acceleration
 
 LARGEST_YAW_RATE = 1e4
 """[rad/s] A motion whose yaw rate passes this is not followed any further."""
@@ -53,31 +53,25 @@ def law_motion(
     return np.where(np.abs(states[:, 1:2]) < LARGEST_YAW_RATE, states, np.nan)
 
 
-def keeps_rotating(c: YawCoefficients, q: CircleQuantities, points: Points) -> np.ndarray:
+def keeps_rotating(c: YawCoefficients, eq: ScaledEquation, points: Points) -> np.ndarray:
     """Whether the law, from the given start, rotates for ever beside a stable steady rotation.
 
-    With weak friction both exist.  Friction alone forbids the rotational motion where |epsilon| (1 + rho) is at most
-    2 arccos(1/rho) (1 - |epsilon| K)^2; elsewhere the motion is integrated until it has settled.
+    With weak friction both exist.  Where friction does not forbid it the motion is integrated until it has settled.
 
     Args:
         c: of the points.
-        q: of the points, all beyond the critical radius.
+        eq: of the points, all beyond the critical radius.
         points: any number of circles.
 
     Returns:
         (N,) booleans.
     """
-    least = 1 - q.epsilon * q.k
-    with np.errstate(invalid="ignore"):
-        width = 2 * np.arccos(1 / np.maximum(q.radius_ratio, 1.0))
-        caught = (least > 0) & (q.epsilon * (1 + q.radius_ratio) <= width * least**2)
     # Without friction there is no orbit that attracts.
-    rows = np.flatnonzero(~caught & np.isfinite(q.epsilon))
+    rows = np.flatnonzero(~friction_forbids_rotation(eq) & np.isfinite(eq.epsilon))
     rotates = np.zeros(len(points), dtype=bool)
     if rows.size:
         some = points.of(rows)
-        duration = SETTLED * np.maximum(1.0, q.epsilon[rows]) / np.abs(some.rate)
-        part = YawCoefficients(*(values[rows] for values in c))
-        half, whole = law_motion(part, some, duration, (0.5, 1.0), 1e-8)[:, 0]
+        duration = SETTLED * np.maximum(1.0, np.abs(eq.epsilon[rows])) / np.abs(some.rate)
+        half, whole = law_motion(c.of(rows), some, duration, (0.5, 1.0), 1e-8)[:, 0]
         rotates[rows] = np.abs(whole - half) > 2 * np.pi
     return rotates

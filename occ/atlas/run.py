@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from occ.atlas.columns import Columns
 from occ.atlas.comparison import STATUSES, Comparison, compare, lost_comparison, numbers, status_place
 from occ.atlas.grid import Grid
 from occ.atlas.least_work import least_work_columns
@@ -27,7 +28,7 @@ from occ.experiment.load import load_experiment
 from occ.experiment.pool import Engine
 from occ.experiment.run import Progress, silent
 
-SIZES = {"long_run": 8192, "least_work": 16}
+SIZES = {"long_run": 8192, "least_work": 64}
 """Points of a block: a second's work, so that little is lost with it; the same for every engine."""
 
 
@@ -54,12 +55,12 @@ class Found:
     """All values of an atlas.
 
     Args:
-        columns: (N,) of each variable of the points.
+        columns: (N,) of each variable of the points, on disk.
         rows: (N, K) of each number of the K controllers, and their ``status``; empty unless they were compared.
         failures: in the order of the points.
     """
 
-    columns: dict[str, np.ndarray]
+    columns: Columns
     rows: dict[str, np.ndarray]
     failures: list[Failure]
 
@@ -193,7 +194,7 @@ class _Work:
         return [Failure(job.first + i, "", Status.FAILED, reason) for i, reason in sorted(_unpacked(content)[1])]
 
     def assembled(self, content: Any) -> Found:
-        columns: dict[str, np.ndarray] = {}
+        columns = Columns(self.grid.size)
         rows: dict[str, np.ndarray] = {}
         controllers = self.cases[0].controllers if self.cases else []
         failures: list[Failure] = []
@@ -203,9 +204,7 @@ class _Work:
                 raise InputError("a stored result is damaged since it was read; another run makes it again")
             failures += self.failures(job, stored)
             if job.last is not None:
-                for name, values in _unpacked(stored)[0].items():
-                    whole = columns.setdefault(name, np.empty(self.grid.size, values.dtype))
-                    whole[job.first : job.last] = values
+                columns.put(job.first, _unpacked(stored)[0])
                 continue
             for k, row in enumerate(json.loads(stored)):
                 for name in numbers(self.objectives):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-REGIMES = ("", "steady", "critical", "rotational", "unstable")
+STEADY, CRITICAL, ROTATIONAL, UNSTABLE = "steady", "critical", "rotational", "unstable"
+REGIMES = ("", STEADY, CRITICAL, ROTATIONAL, UNSTABLE)
 """Texts are kept as their places in this list."""
 
 

@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from occ.figures.floor import path_figure
+from occ.figures.off_program import off_program_figure
 from occ.figures.over_time import Motions, cost_figure, force_figure, heading_figure
 from occ.figures.reach import reach_figure, torque_box
 from occ.figures.style import style, write
-from occ.figures.sweep import gap_figure, numeric_keys, value_figure
+from occ.figures.sweep import front_figure, gap_figure, numeric_keys, value_figure, weight_keys
 from occ.objectives import Objective
 from occ.report.contents import plain_name
 from occ.report.stored import Stored, load
@@ -67,6 +69,11 @@ def plan(stored: Stored) -> list[Planned]:
             name = f"{item.name}-{key}.svg"
             caption = f"{plain_name(item).capitalize()} of each controller against {key}."
             planned.append(Planned(name, caption, "", partial(_value_drawing, stored, item, key)))
+    for key in weight_keys(stored):
+        for one, other in pairwise(stored.objectives):
+            name = f"front-{one.name}-{other.name}-{key}.svg"
+            caption = f"{plain_name(one).capitalize()} against {plain_name(other)}: the front of {key}."
+            planned.append(Planned(name, caption, "", partial(_front_drawing, stored, (one, other), key)))
     for case in stored.cases[:DRAWN_CASES] if many else stored.cases:
         planned += _of_case(stored, case)
     return planned
@@ -74,6 +81,10 @@ def plan(stored: Stored) -> list[Planned]:
 
 def _value_drawing(stored: Stored, item: Objective, key: str, _: Motions) -> Figure | None:
     return value_figure(stored, item, key)
+
+
+def _front_drawing(stored: Stored, pair: tuple[Objective, Objective], key: str, _: Motions) -> Figure | None:
+    return front_figure(stored, pair, key)
 
 
 def _gap_drawing(stored: Stored, item: Objective, key: str) -> Drawing:
@@ -107,6 +118,12 @@ def _of_case(stored: Stored, case: str) -> Iterator[Planned]:
             case,
             partial(reach_figure, box, where=where),
         )
+    yield Planned(
+        f"{prefix}off-program.svg",
+        f"Distance of B from its program over time{where}.",
+        case,
+        partial(off_program_figure, where=where),
+    )
     yield Planned(
         f"{prefix}paths.svg",
         f"Paths of B and of the platform's centre O, with the platform at even intervals of time{where}.",

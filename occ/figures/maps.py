@@ -1,17 +1,16 @@
-"""Maps of an atlas: where the law is near the optimum (blue) and where it is not (red)."""
+"""Maps of an atlas: where the law is near the optimum (blue) and where it is not (yellow to red)."""
 
 from __future__ import annotations
 
 import itertools
 import json
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from occ.atlas.dataset import read_atlas
+from occ.figures.map_plan import NEAR, Map, plan_maps
 from occ.figures.style import blank, legend_beside, place, style, write
 from occ.figures.style import label as legend_label
 
@@ -23,93 +22,30 @@ if TYPE_CHECKING:
 
 CLASSES = (0.2, 1.0, 3.0, 10.0, 30.0, 100.0)
 """[%] Borders between the colours."""
-SHADES = ("#4575b4", "#91bfdb", "#e0f3f8", "#fee090", "#fc8d59", "#d73027", "#7a0177")
-"""ColorBrewer's RdYlBu, which the colour-blind can read, and one more for what is off the scale."""
+SHADES = ("#2166ac", "#92c5de", "#fff2b3", "#fdc05f", "#f46d43", "#b2182b", "#5c0a5c")
+"""After ColorBrewer's RdYlBu, which the colour-blind can read, and one more for what is off the scale."""
 NO_VALUE = "#bdbdbd"
 SMALLEST_REGION = 0.04
 """Part of a map below which a region has no name in it."""
 VERBS = {"steady": "steady", "rotational": "rotates", "unstable": "unstable", "critical": "critical"}
-MOST_SLICES = 6
-"""Maps of one quantity at most; values of further keys are chosen evenly."""
-PAPER = {"motion.radius": 0.7, "motion.rate": -0.4, "point.x": 0.4, "point.y": 0.05, "platform.friction_scale": 1.0}
+BOTH = {"steady": "steady", "rotational": "rotate"}
+FEW = 40
+"""With fewer values of a key each point is drawn as a cell: nothing is said of what lies between."""
+WORDS = {
+    "motion.radius": "radius R_B of the circle",
+    "motion.rate": "rate omega_B",
+    "point.x": "point of attachment b_X",
+    "point.y": "point of attachment b_Y",
+    "platform.friction_scale": "friction, relative to the platform's own",
+}
+"""Names of frequent keys on the axes."""
 
 
-@dataclass(frozen=True)
-class Map:
-    """One map.
-
-    Args:
-        name: of its file, without the folder.
-        caption: a plain sentence.
-        values: over two keys, or over one.
-        data: everything else at the same points.
-    """
-
-    name: str
-    caption: str
-    values: xr.DataArray
-    data: xr.Dataset
-
-
-def plan_maps(data: xr.Dataset) -> list[Map]:
-    """Which maps belong to an atlas.
+def write_maps(data: xr.Dataset, folder: Path) -> list[tuple[str, str]]:
+    """Draw all maps of an atlas.
 
     Args:
         data: the atlas.
-
-    Returns:
-        One for each gap, and for each choice of values of the keys beyond the first two that are numbers.
-    """
-    keys = [str(name) for name in data.dims if name != "controller"]
-    axes = [key for key in keys if data[key].dtype.kind == "f" and data.sizes[key] > 1][:2]
-    if not axes:
-        return []
-    others = [key for key in keys if key not in axes]
-    planned = []
-    for name, caption, values in _gaps(data):
-        for chosen in _slices(data, others):
-            where = ", ".join(f"{key} = {data[key].values[i]}" for key, i in chosen.items())
-            slug = "".join(f"-{key}={data[key].values[i]}" for key, i in chosen.items())
-            planned.append(
-                Map(
-                    f"{name}{slug}.svg",
-                    caption + (f", {where}" if where else ""),
-                    values.isel(chosen).transpose(*reversed(axes)),
-                    data.isel(chosen).transpose(*reversed(axes), ...),
-                )
-            )
-    return planned
-
-
-def _gaps(data: xr.Dataset) -> Iterator[tuple[str, str, xr.DataArray]]:
-    yield "long-run", "Long run: mean power of the law above the least mean power", data["long_run_gap_percent"]
-    if "work_gap_percent" in data and "controller" not in data.dims:
-        yield "work", "Finite horizon: work of the law above the least work", data["work_gap_percent"]
-    if "controller" not in data.dims:
-        return
-    law = data["controller"].values[0]
-    for name in data.data_vars:
-        if str(name).endswith("_gap_percent") and "controller" in data[name].dims:
-            objective = str(name).removesuffix("_gap_percent").replace("_", " ")
-            yield (
-                objective.replace(" ", "-"),
-                f"Full comparison: {objective} of {law} above its bound",
-                data[name].isel(controller=0),
-            )
-
-
-def _slices(data: xr.Dataset, keys: list[str]) -> Iterator[dict[str, int]]:
-    """Places of the values of further keys."""
-    each = max(1, int(MOST_SLICES ** (1 / max(len(keys), 1))))
-    choices = [np.unique(np.linspace(0, data.sizes[key] - 1, each).round().astype(int)) for key in keys]
-    for places in itertools.product(*choices):
-        yield {key: int(place) for key, place in zip(keys, places, strict=True)}
-
-
-def write_maps(folder: Path) -> list[tuple[str, str]]:
-    """Draw all maps of a stored atlas.
-
-    Args:
         folder: of the experiment; the files go to ``figures/`` in it.
 
     Returns:
@@ -117,10 +53,14 @@ def write_maps(folder: Path) -> list[tuple[str, str]]:
     """
     drawn = []
     with style():
-        for item in plan_maps(read_atlas(folder)):
+        for item in plan_maps(data):
             write(figure_of(item), folder / "figures" / item.name)
-            drawn.append((f"figures/{item.name}", f"{item.caption}."))
+            drawn.append((f"figures/{item.name}", f"{item.caption}; {_near(item)}."))
     return drawn
+
+
+def _near(item: Map) -> str:
+    return f"gap up to {NEAR:g} % at {100 * item.near:.0f} % of the points"
 
 
 def figure_of(item: Map) -> Figure:
@@ -133,25 +73,24 @@ def figure_of(item: Map) -> Figure:
         The figure.
     """
     figure = blank(8.9, 5.1, item.caption, 0.75)
-    panel = place(figure, (0.75, 0.6, 5.2, 3.9))
-    if item.values.ndim == 1:
-        handles = _curve(panel, item)
-    else:
-        handles = _map(panel, item)
+    panel = place(figure, (0.75, 0.6, 5.2, 3.8))
+    panel.set_title(f"Blue: {_near(item)}")
+    handles = _curve(panel, item) if item.values.ndim == 1 else _map(panel, item)
     panel.set_xlabel(_axis(item.values, -1))
     legend_beside(panel, handles)
     return figure
 
 
 def _axis(values: xr.DataArray, axis: int) -> str:
-    key = values.dims[axis]
+    key = str(values.dims[axis])
     unit = values[key].attrs.get("units", "1")
-    return f"{key} [{unit}]" if unit != "1" else str(key)
+    return WORDS.get(key, key) + (f" [{unit}]" if unit != "1" else "")
 
 
 def _curve(panel: Axes, item: Map) -> list[Artist]:
     (key,) = item.values.dims
     (line,) = panel.plot(item.values[key], item.values, color="black", marker="o", markersize=3, label="gap")
+    panel.axhspan(0.0, NEAR, color=SHADES[1], alpha=0.4, linewidth=0)
     if float(item.values.max()) > 5.0:
         panel.set_yscale("symlog", linthresh=0.1)
         panel.yaxis.set_major_formatter("{x:g}")
@@ -162,43 +101,107 @@ def _curve(panel: Axes, item: Map) -> list[Artist]:
 def _map(panel: Axes, item: Map) -> list[Artist]:
     from matplotlib.patches import Patch
 
-    y, x = (item.values[key].values for key in item.values.dims)
-    gaps = np.ma.masked_invalid(item.values.values)
     panel.set_facecolor(NO_VALUE)
     panel.grid(False)
-    # A gap of zero, or below it by rounding, is in the first class.
-    shown = np.ma.maximum(gaps, 1e-12)
-    largest = max(float(shown.max()) * 2, 1e3) if shown.count() else 1e3
-    levels = [0.0, *CLASSES, largest]
-    panel.contourf(x, y, shown, levels=levels, colors=SHADES)
     panel.set_ylabel(_axis(item.values, 0))
+    gaps = item.values.values
+    classes = np.digitize(gaps, CLASSES, right=True)
     handles: list[Artist] = [
         Patch(color=shade, label=text)
-        for shade, text, low, high in zip(SHADES, _class_names(), [0.0, *CLASSES], levels[1:], strict=True)
-        if np.any((gaps > low) & (gaps <= high)) or (low == 0.0 and np.any(gaps <= CLASSES[0]))
+        for k, (shade, text) in enumerate(zip(SHADES, _class_names(), strict=True))
+        if np.any((classes == k) & np.isfinite(gaps))
     ]
-    if np.ma.is_masked(gaps):
+    if not np.isfinite(gaps).all():
         handles.append(Patch(color=NO_VALUE, label="no value (law unstable or failed)"))
+    cells = min(gaps.shape) < FEW
+    for part in [item.values] if cells else _sides(item):
+        _colours(panel, part, cells)
+    x, y = (item.values[key].values for key in reversed(item.values.dims))
     _name_regions(panel, item, x, y)
-    return [*handles, *_borders(panel, item, x, y), *_marks(panel, item, x, y)]
+    handles += _borders(panel, item, x, y)
+    for mark in item.marks:
+        handles += panel.plot(
+            [mark.place[1]], [mark.place[0]], marker=mark.symbol, markersize=mark.size, linestyle="none",
+            label=legend_label(mark.text), markerfacecolor="white", markeredgecolor="black", markeredgewidth=1.2,
+            clip_on=False, zorder=5,
+        )  # fmt: skip
+    panel.set_xlim(*_range(x, cells))
+    panel.set_ylim(*_range(y, cells))
+    return handles
+
+
+def _sides(item: Map) -> Iterator[xr.DataArray]:
+    """The gaps on either side of a standstill: against the direction of travel they are others, however slow it is."""
+    down, across = (str(key) for key in item.values.dims)
+    for key in (across, down):
+        places = item.values[key].values
+        if key == "motion.rate" and places.min() < 0 < places.max():
+            for side in (places < 0, places > 0):
+                part = item.values.isel({key: np.flatnonzero(side)})
+                nearest = int(np.argmin(np.abs(part[key].values)))
+                edge = part.isel({key: [nearest]}).assign_coords({key: [0.0]})
+                yield _joined(part, edge, key)
+            return
+    yield item.values
+
+
+def _joined(part: xr.DataArray, edge: xr.DataArray, key: str) -> xr.DataArray:
+    import xarray as xr
+
+    return xr.concat([part, edge], key).sortby(key)
+
+
+def _colours(panel: Axes, gaps: xr.DataArray, cells: bool) -> None:
+    """Classes of the gap: smooth borders between many points, cells about few."""
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    down, across = gaps.dims
+    x, y = gaps[across].values, gaps[down].values
+    # A gap of zero, or below it by rounding, is in the first class.
+    shown = np.ma.masked_invalid(np.maximum(gaps.values, 1e-12))
+    levels = [0.0, *CLASSES, 1e9]
+    if cells:
+        norm = BoundaryNorm(levels, len(SHADES))
+        panel.pcolormesh(
+            x, y, shown, shading="nearest", cmap=ListedColormap(SHADES), norm=norm, edgecolors="face", linewidth=0.4
+        )
+        return
+    panel.contourf(x, y, shown, levels=levels, colors=SHADES)
+    if shown.count() and shown.min() < NEAR < shown.max():
+        panel.contour(x, y, shown, levels=[NEAR], colors="white", linewidths=2.2)
+
+
+def _range(places: np.ndarray, cells: bool) -> tuple[float, float]:
+    """Ends of an axis: of the cells, where each point has one."""
+    first, last = (places[1] - places[0], places[-1] - places[-2]) if cells else (0.0, 0.0)
+    return float(places[0] - first / 2), float(places[-1] + last / 2)
 
 
 def _name_regions(panel: Axes, item: Map, x: np.ndarray, y: np.ndarray) -> None:
-    """Say in each large region what becomes of the law there, at the place that is furthest from its border."""
+    """Say in each large region what becomes of law and optimum, where there is room."""
     from matplotlib.patheffects import withStroke
     from scipy.ndimage import distance_transform_edt, label
 
-    regimes = item.data["law_regime"].values
-    for regime in np.unique(regimes):
-        regions, count = label(regimes == regime)
+    law, best = (item.data[name].values.astype(str) for name in ("law_regime", "least_mean_power_regime"))
+    for one, other in itertools.product(np.unique(law), np.unique(best)):
+        regions, count = label((law == one) & (best == other))
         for number in range(1, count + 1):
             mask = regions == number
-            if mask.mean() < SMALLEST_REGION:
+            if not one or mask.mean() < SMALLEST_REGION:
                 continue
             depth = distance_transform_edt(np.pad(mask, 1))[1:-1, 1:-1]
-            i, j = np.unravel_index(np.argmax(depth), depth.shape)
-            text = panel.text(x[j], y[i], f"law {VERBS[str(regime)]}", ha="center", va="center", fontsize=9.5)
-            text.set_path_effects([withStroke(linewidth=3, foreground="white")])
+            i, j = _middle(depth, item.values.values)
+            text = f"both {BOTH[one]}" if one == other else f"law {VERBS[one]}, optimum {VERBS[other]}"
+            words = panel.text(x[j], y[i], text, ha="center", va="center", fontsize=9.0)
+            words.set_path_effects([withStroke(linewidth=3, foreground="white")])
+
+
+def _middle(depth: np.ndarray, gaps: np.ndarray) -> tuple[int, int]:
+    """A place well inside a region; rather one that hides no blue, and rather near the middle of the map."""
+    down, across = np.ogrid[-1 : 1 : depth.shape[0] * 1j, -1 : 1 : depth.shape[1] * 1j]
+    score = depth / depth.max() - 0.5 * ~(gaps > NEAR) - 0.2 * np.hypot(down, across)
+    i, j = np.unravel_index(np.argmax(np.where(depth > 0, score, -np.inf)), depth.shape)
+    return int(i), int(j)
 
 
 def _class_names() -> list[str]:
@@ -231,34 +234,3 @@ def _borders(panel: Axes, item: Map, x: np.ndarray, y: np.ndarray) -> Iterator[A
             style_of: Any = "solid" if dashes is None else (0, dashes)
             panel.contour(x, y, whole, levels=[level], colors=colour, linewidths=1.6, linestyles=[style_of])
             yield Line2D([], [], color=colour, linewidth=1.6, linestyle=style_of, label=legend_label(text))
-
-
-def _marks(panel: Axes, item: Map, x: np.ndarray, y: np.ndarray) -> Iterator[Artist]:
-    """The experiment's own point, and the best and the worst of the map."""
-    down, across = (str(key) for key in item.values.dims)
-    marks: list[tuple[float, float, str, float, str]] = []
-    own_x, own_y = (_own_value(item.data, key) for key in (across, down))
-    if own_x is not None and own_y is not None and x.min() <= own_x <= x.max() and y.min() <= own_y <= y.max():
-        near = item.values.sel({across: own_x, down: own_y}, method="nearest")
-        paper = all(_own_value(item.data, key) in (value, None) for key, value in PAPER.items())
-        called = "the paper's point" if paper else "the file's point"
-        marks.append((own_x, own_y, "*", 16.0, f"{called}: gap {float(near):.3g} %"))
-    values = item.values.values
-    if np.isfinite(values).any():
-        for which, marker, word in ((np.nanargmin, "^", "least"), (np.nanargmax, "v", "largest")):
-            i, j = np.unravel_index(which(values), values.shape)
-            text = f"{word} gap {values[i, j]:.3g} % at ({x[j]:.3g}, {y[i]:.3g})"
-            marks.append((float(x[j]), float(y[i]), marker, 9.0, text))
-    for place_x, place_y, marker, size, text in marks:
-        yield from panel.plot(
-            [place_x], [place_y], marker=marker, markersize=size, linestyle="none", label=legend_label(text),
-            markerfacecolor="white", markeredgecolor="black", markeredgewidth=1.2, clip_on=False, zorder=5,
-        )  # fmt: skip
-
-
-def _own_value(data: xr.Dataset, key: str) -> float | None:
-    """What the file says of a swept key beside its sweep."""
-    table: Any = json.loads(data.attrs["experiment"])
-    for step in key.split("."):
-        table = table.get(step) if isinstance(table, dict) else None
-    return float(table) if isinstance(table, int | float) else None

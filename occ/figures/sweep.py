@@ -18,9 +18,11 @@ if TYPE_CHECKING:
 
 LINEAR_UP_TO = 0.1
 """[%] Gaps below this are drawn on a linear scale, larger ones on a logarithmic one."""
-WIDE = 20.0
-"""Swept values whose extremes have a larger ratio are drawn on a logarithmic axis."""
+WIDE = 10.0
+"""Swept values, or gaps, whose extremes have a larger ratio are drawn on a logarithmic axis."""
 MOST_TICKS = 8
+FAR = 3.0
+"""Rows beyond this many times the largest value of a front are not drawn beside it."""
 
 
 def numeric_keys(stored: Stored) -> list[str]:
@@ -94,6 +96,8 @@ def gap_figure(stored: Stored, item: Objective, key: str) -> Figure | None:
     Returns:
         The figure, or None where no row has a gap.
     """
+    from matplotlib.ticker import LogLocator
+
     column = f"{item.name}_gap_percent"
     rows = stored.rows.assign(**{key: _numbers(stored, key)}).dropna(subset=[column])
     if rows.empty:
@@ -103,7 +107,62 @@ def gap_figure(stored: Stored, item: Objective, key: str) -> Figure | None:
     if rows[column].abs().max() > 50 * LINEAR_UP_TO:
         panel.set_yscale("symlog", linthresh=LINEAR_UP_TO)
         panel.yaxis.set_major_formatter("{x:g}")
+    elif 0 < WIDE * rows[column].min() < rows[column].max():
+        # A power law, such as the approach to an infimum, is a straight line.
+        panel.set_yscale("log", subs=[])
+        panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        panel.yaxis.set_major_formatter(lambda x, _: f"{x:.0e}".replace("e-0", "e-").replace("e+0", "e"))
     _key_axis(panel, rows[key])
     panel.set_ylabel("gap [%]")
+    legend_beside(panel, handles)
+    return figure
+
+
+def weight_keys(stored: Stored) -> list[str]:
+    """The swept keys that are a weight of one controller's sum: along them it goes from one objective to another."""
+    return [key for key in numeric_keys(stored) if ".weights." in key]
+
+
+def front_figure(stored: Stored, pair: tuple[Objective, Objective], key: str) -> Figure | None:
+    """One objective against another: the Pareto front of a swept weight, and where the other controllers stand.
+
+    Rows whose second objective is more than `FAR` times that of the front are named at the edge and not drawn: an
+    optimum whose torques are not bounded would leave the front a dot.
+
+    Args:
+        stored: the results.
+        pair: the objectives along the axes.
+        key: dotted name of a key of `weight_keys`.
+
+    Returns:
+        The figure, or None where fewer than two points of the front have both values.
+    """
+    x, y = (item.column for item in pair)
+    rows = stored.rows.assign(**{key: _numbers(stored, key)})
+    rows = rows[rows["status"] == "ok"].dropna(subset=[x, y])
+    swept = key.split(".")[1]
+    front = rows[rows["controller"] == swept].sort_values(key)
+    if len(front) < 2:
+        return None
+    others = rows[rows["controller"] != swept].drop_duplicates("controller")
+    shown = others[others[y] <= FAR * front[y].max()]
+    names = [plain_name(item) for item in pair]
+    figure, (panel,) = panels(6.2, [3.8], f"{names[0].capitalize()} against {names[1]}")
+    handles = []
+    for index, name in enumerate(stored.controllers):
+        chosen = front if name == swept else shown[shown["controller"] == name]
+        if chosen.empty:
+            continue
+        look = controller_line(index) | ({} if name == swept else {"linestyle": "none"})
+        size = 3.5 if name == swept else 8.0
+        handles += panel.plot(chosen[x], chosen[y], marker="o", markersize=size, label=label(name), **look)
+    for weight, at_x, at_y in zip(front[key], front[x], front[y], strict=True):
+        panel.annotate(f"{weight:g}", (at_x, at_y), (4, 4), textcoords="offset points", fontsize=7.5)
+    left_out = others[others[y] > FAR * front[y].max()]
+    for row, (name, at_x, at_y) in enumerate(zip(left_out["controller"], left_out[x], left_out[y], strict=True)):
+        text = f"beyond the top: {name}, {names[0]} {at_x:.6g}, {names[1]} {at_y:.3g}"
+        panel.text(0.98, 0.95 - 0.07 * row, text, transform=panel.transAxes, ha="right", fontsize=7.5)
+    panel.set_xlabel(f"{names[0]} [{plain_unit(pair[0].unit)}]; numbers at the front: {key.split('.', 2)[2]}")
+    panel.set_ylabel(f"{names[1]} [{plain_unit(pair[1].unit)}]")
     legend_beside(panel, handles)
     return figure

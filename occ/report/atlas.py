@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from occ.atlas.dataset import FILE, read_atlas
+from occ.atlas.dataset import FILE, slabs
+from occ.atlas.variables import REGIMES
 from occ.experiment.store import write_text
 from occ.report.tables import Column, Table, markdown, markdown_text, significant
 
@@ -18,11 +20,12 @@ if TYPE_CHECKING:
 NEAR = (0.2, 1.0, 3.0, 10.0)
 """[%] Gaps up to which points are counted."""
 READING = """\
-Blue is where the law is near the optimum, red where it is not; the borders between the colours are gaps of 0.2, 1, 3,
-10, 30 and 100 %. The solid line is the law's critical radius: on smaller circles it has no steady rotation and the
-platform rotates for ever. The broken line is the same for the optimum. Least mean powers are exact (a closed form with
-one quadrature and one root); the mean power of a rotating law is that of its computed periodic orbit (measured).
-Grey: no value. The long run says nothing of a finite horizon, nor of limits.
+Blue is where the law is within 1 % of the optimum; from yellow to red it is not. The borders between the colours are
+gaps of 0.2, 1, 3, 10, 30 and 100 %, the white line is that of 1 %; few points are drawn as cells. The solid line is the
+law's critical radius: on smaller circles it has no steady rotation and the platform rotates for ever. The broken line
+is the same for the optimum. Least mean powers are exact (a closed form with one quadrature and one root); the mean
+power of a rotating law is that of its computed periodic orbit (measured). Grey: no value. The long run says nothing of
+a finite horizon, nor of limits.
 """
 FINITE = """\
 Works over the finite horizon begin at the start of the experiment; the least work is the exact infimum over all motions
@@ -72,12 +75,12 @@ def _gap_columns(data: xr.Dataset) -> list[tuple[str, np.ndarray]]:
 
 
 def _regimes(data: xr.Dataset) -> Table:
-    law, best = (data[name].values.ravel() for name in ("law_regime", "least_mean_power_regime"))
-    rows = [
-        (str(one), str(other), f"{100 * np.mean((law == one) & (best == other)):.1f}")
-        for one in np.unique(law)
-        for other in np.unique(best)
-    ]
+    counts: Counter[tuple[str, str]] = Counter()
+    for part in slabs(data[["law_regime", "least_mean_power_regime"]]):
+        law, best = ({name: texts == name for name in REGIMES} for texts in (v.values for v in part.values()))
+        counts.update({(a, b): int(np.count_nonzero(law[a] & best[b])) for a in REGIMES for b in REGIMES})
+    laws, optima = (sorted({pair[k] for pair in counts if counts[pair]}) for k in range(2))
+    rows = [(a, b, f"{100 * counts[a, b] / counts.total():.1f}") for a in laws for b in optima]
     return Table("Regimes", (Column("law"), Column("optimum"), Column("share", "% of points", True)), tuple(rows))
 
 
@@ -93,23 +96,30 @@ def _statuses(data: xr.Dataset) -> Table:
     )
 
 
-def write_atlas_report(folder: Path, maps: Sequence[tuple[str, str]], failures: Sequence[tuple[str, ...]]) -> None:
+def write_atlas_report(
+    data: xr.Dataset,
+    folder: Path,
+    tables: Sequence[Table],
+    maps: Sequence[tuple[str, str]],
+    failures: Sequence[tuple[str, ...]],
+) -> None:
     """Write ``report.md``.
 
     Args:
-        folder: with an atlas.
+        data: the atlas.
+        folder: of the experiment.
+        tables: of `atlas_tables`.
         maps: path from the folder, and caption, of each.
         failures: place, controller, status and reason of each row without a value.
 
     Raises:
-        InputError: no atlas there, or the folder cannot be written.
+        InputError: the folder cannot be written.
     """
-    data = read_atlas(folder)
     sizes = " × ".join(f"{data.sizes[key]} values of {key}" for key in data.dims if key != "controller")
     text = [f"# {markdown_text(data.attrs['title'] or 'Atlas')}", ""]
     text += [markdown_text(data.attrs["question"]), ""] if data.attrs["question"] else []
     text += [f"{sizes}; the values are in `{FILE}`.", ""]
-    for table in atlas_tables(data):
+    for table in tables:
         text += [f"**{table.caption}**", "", markdown(table), ""]
     text += ["## How to read the maps", "", READING]
     if data.attrs["depth"] == "least_work":

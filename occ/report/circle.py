@@ -61,6 +61,7 @@ def circle_lines(task: Task, summary: dict[str, Any]) -> list[str]:
         *_rotation(summary),
         _ends(summary),
         *_wheels(summary, task.limits),
+        *_long_run_bounds(summary),
     ]
 
 
@@ -162,3 +163,13 @@ def _limit(values: list[float], limit: float | None) -> str:
     if limit is None:
         return ""
     return f" (limit {limit:g}: {'passed' if max(values) > limit else 'kept'})"
+
+
+def _long_run_bounds(summary: dict[str, Any]) -> Iterator[str]:
+    """Only where they were asked for."""
+    for cost, item in summary.get("long_run_bounds", {}).items():
+        motion = "a motion that turns against the circle" if item["turns"] else "a steady rotation"
+        yield (
+            f"long run, least mean {cost.replace('_', ' ')}: between {item['lower']:.8g} and {item['upper']:.8g} "
+            f"{item['unit']} ({item['word']}; the larger number is that of {motion})"
+        )

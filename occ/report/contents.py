@@ -120,7 +120,7 @@ def answer_tables(stored: Stored) -> list[Table]:
         stored: the results.
 
     Returns:
-        One table for each case, or a single one where there are many cases.
+        One table for each case, after one that sets all cases side by side; a single one where there are many cases.
     """
     fields = [text_field("status"), *CLASS]
     for item in stored.objectives:
@@ -130,7 +130,31 @@ def answer_tables(stored: Stored) -> list[Table]:
         fields += OFF_PROGRAM
     if len(stored.cases) > MOST_CASES_APART:
         return [_table(stored.title, fields, stored.records(), with_case=True)]
-    return [_table(case, fields, stored.records(case), with_case=False) for case in stored.cases]
+    each = [_table(case, fields, stored.records(case), with_case=False) for case in stored.cases]
+    if len(stored.cases) > 1 and len(stored.controllers) > 1:
+        return [*(_side_by_side(stored, item) for item in stored.objectives), *each]
+    return each
+
+
+def _side_by_side(stored: Stored, item: Objective) -> Table:
+    """One objective: a row for each controller, a column for each case, gaps in brackets."""
+    cells: dict[str, dict[str, str]] = {name: {} for name in stored.controllers}
+    for row in stored.records():
+        cells[row["controller"]][row["case"]] = _value_and_gap(row, item)
+    columns = [Column("controller"), *(Column(case, numeric=True) for case in stored.cases)]
+    rows = tuple((name, *(found.get(case, MISSING) for case in stored.cases)) for name, found in cells.items())
+    caption = f"All cases: {plain_name(item)} [{plain_unit(item.unit)}], and in brackets how far above its bound"
+    return Table(caption, tuple(columns), rows)
+
+
+def _value_and_gap(row: Row, item: Objective) -> str:
+    if row["status"] != "ok":
+        return str(row["status"])
+    value = amount(row[item.column])
+    if is_unresolved(row, item):
+        return f"{value} (not resolved)"
+    percent = row[f"{item.name}_gap_percent"]
+    return value if is_missing(percent) else f"{value} ({gap(percent)} %)"
 
 
 def detail_table(stored: Stored, caption: str, fields: Iterable[Field]) -> Table:

@@ -89,7 +89,7 @@ def find_attractors(c: YawCoefficients, radius: float, rate: float) -> tuple[Att
         return (Attractor("unsettled", 1.0, None, None),)
     circle = _circle(c, radius, rate, eq)
     one_signed = bool(abs(rate) * eq.k < c.xi_3)
-    first = None if _clearly_caught(eq) else _over_the_saddle(eq)
+    first = None if friction_forbids_rotation(eq) else _over_the_saddle(eq)
     orbit = rotating_orbit(eq, first) if first is not None else None
     if one_signed and first is None:
         critical = bool(np.abs(eq.ratio - 1) <= CRITICAL)
@@ -107,14 +107,28 @@ def _circle(c: YawCoefficients, radius: float, rate: float, eq: ScaledEquation) 
     return _Circle(numbers, radius, rate, eq, float(q.stable_heading), float(decay))
 
 
-def _clearly_caught(eq: ScaledEquation) -> bool:
-    """Whether friction alone forbids a rotational motion.
+def friction_forbids_rotation(eq: ScaledEquation) -> np.ndarray:
+    """Whether friction alone forbids a rotational motion beside the steady rotations, rho >= 1.
 
-    |p| <= (1 + rho)/min d on such a motion, and it falls by at least (2/|e|) min d arccos(1/rho) while q < 0.
+    With v = |theta'|, in the direction s of the motion, |e| v dv/ds = q - d v; m = 1 - |e| K <= d.  v <= (1 + rho)/m on
+    such a motion, and
+
+    * |e| (1 + rho) <= 2 m^2 arccos(1/rho): where q < 0, v falls by more than that;
+    * 2 |e| rho <= m^2: v stays below A sin(|s|/2), m A = sqrt(4 rho^2 + e^2 A^4/4), s from -pi to 0, because q <=
+      2 rho sin^2(s/2), and that has no room left at s = 0.
+
+    Args:
+        eq: of the circles; rho below 1 is taken for 1.
+
+    Returns:
+        Booleans; False says nothing.
     """
-    least = 1 - float(np.abs(eq.epsilon) * eq.k)
-    width = 2 * float(np.arccos(1 / np.maximum(eq.ratio, 1.0)))
-    return least > 0 and float(np.abs(eq.epsilon) * (1 + eq.ratio)) <= width * least**2
+    rho, size = np.maximum(eq.ratio, 1.0), np.abs(eq.epsilon)
+    least = 1 - size * eq.k
+    with np.errstate(invalid="ignore"):
+        falls = size * (1 + rho) <= 2 * np.arccos(1 / rho) * least**2
+        below = 2 * size * rho <= least**2
+    return np.asarray((least > 0) & (falls | below))
 
 
 def _over_the_saddle(eq: ScaledEquation) -> np.ndarray | None:

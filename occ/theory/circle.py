@@ -1,8 +1,8 @@
 """The platform on a circle, section 4.1: critical radius and speed, steady rotations, their linear stability.
 
-One CasADi function holds the formulas; arrays go through it point by point, and derivatives of every quantity with
-respect to every parameter come from CasADi.  Where a denominator vanishes, infinity is the answer: no critical speed
-without spin inertia of the wheels, no critical radius at the singular point (4.20).
+One CasADi function holds the formulas: NumPy does its operations for any number of points at once, and derivatives of
+every quantity with respect to every parameter come from CasADi.  Where a denominator vanishes, infinity is the answer:
+no critical speed without spin inertia of the wheels, no critical radius at the singular point (4.20).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
-from occ.numeric import evaluate_many
+from occ.numeric import on_arrays
 from occ.theory.coefficients import YawCoefficients
 
 CANCELLED = 1e-14
@@ -97,9 +97,5 @@ def circle_quantities(c: YawCoefficients, radius: np.ndarray | float, rate: np.n
     Returns:
         Arrays of the common shape.
     """
-    *columns, radii, rates = np.broadcast_arrays(*c, radius, rate)
-    shape = radii.shape
-    (values,) = evaluate_many(
-        circle_function(), np.array([column.ravel() for column in columns]), radii.reshape(1, -1), rates.reshape(1, -1)
-    )
-    return CircleQuantities(*(row.reshape(shape) for row in values))
+    (values,) = on_arrays(circle_function(), c, (radius,), (rate,))
+    return CircleQuantities(*values)

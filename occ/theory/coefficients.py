@@ -16,7 +16,7 @@ from occ.checks import Vector2
 from occ.model.appell import derive
 from occ.model.coefficients import coefficient_function
 from occ.model.platform import Platform
-from occ.numeric import evaluate_many
+from occ.numeric import on_arrays
 
 ROUNDING = 1e-14
 """A coupling that is smaller than this part of the largest one possible is taken for zero."""
@@ -43,6 +43,10 @@ class YawCoefficients(NamedTuple):
     mass_xx: np.ndarray  # [kg] m_a of eq. (2.13)
     mass_xy: np.ndarray  # [kg] zero for the paper's platform
     mass_yy: np.ndarray  # [kg] m_a of eq. (2.14)
+
+    def of(self, rows: np.ndarray | slice | int) -> YawCoefficients:
+        """Those of some of the platforms and points."""
+        return YawCoefficients(*(values[rows] for values in self))
 
 
 @cache
@@ -111,6 +115,5 @@ def yaw_coefficients_many(wheel_count: int, parameters: np.ndarray, point: np.nd
     Returns:
         Arrays (N,).
     """
-    shared = tuple(i for i, values in enumerate((parameters, point)) if values.ndim == 1)
-    (columns,) = evaluate_many(yaw_function(wheel_count), parameters, point, shared=shared)
+    (columns,) = on_arrays(yaw_function(wheel_count), parameters, point)
     return YawCoefficients(*columns)

@@ -32,6 +32,10 @@ class ScaledEquation(NamedTuple):
     alpha: np.ndarray  # [rad]
     delta: np.ndarray  # [rad] beta - alpha
 
+    def of(self, rows: np.ndarray | slice | int) -> ScaledEquation:
+        """The equations of some circles."""
+        return ScaledEquation(*(values[rows] for values in self))
+
 
 def scaled_equation(c: YawCoefficients, radius: Array, rate: Array) -> ScaledEquation:
     """Eq. (4.9) of any number of platforms, points and circles.

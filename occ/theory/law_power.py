@@ -1,16 +1,27 @@
-"""The mean power that the servo law needs in the long run, beside the least that any rotation strategy can need."""
+"""The mean power that the servo law needs in the long run, beside the least that any rotation strategy can need.
+
+Kinetic energy returns, so that the mean of the power is that of the dissipation D.  At a steady rotation that is
+U(psi~_s).  Over one turn of a rotational motion, psi~' = omega_B p(theta) with psi~ + alpha = theta,
+
+    D = Z omega_B^2 p^2 + 2 (Z omega_B + d_2) omega_B p + U,  int p^2 |du| = 2 pi |mean p|,  int p du = +-2 pi,
+
+and d_2 p is the rate of a function of psi~: with the mean of p over theta, and those of cos m psi~ and sin m psi~ over
+time, m = 1, 2, the mean of D is a closed form.
+"""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from occ.theory.attractors import Attractor, find_attractors
-from occ.theory.dissipation import energy_of
-from occ.theory.equation import reduced_motion
+from occ.theory.dissipation import CircleEnergy, energy_of
+from occ.theory.equation import ScaledEquation, reduced_motion
 from occ.theory.long_run import long_run, switch_radius
-from occ.theory.orbits import one_turn
+from occ.theory.orbits import rotating_means
+from occ.theory.shooting import Moments
+from occ.theory.trigonometric import recentred
 
 if TYPE_CHECKING:
     from occ.theory.summary import Setting
@@ -61,8 +72,39 @@ def law_mean_power(s: Setting) -> float | None:
         return float(energy.dissipation(reached.psi_tilde, s.rate))
     if reached.orbit is None:
         return None
-    turn = one_turn(s.eq, reached.orbit)
-    return float(np.sum(turn.share * energy.dissipation(turn.psi_tilde, turn.yaw_rate)))
+    return float(_mean_power(energy, s.eq, reached.orbit.means))
+
+
+class Rotations(NamedTuple):
+    """Rotational motions, each entry (N,); NaN where none was found."""
+
+    mean_power: np.ndarray  # [W]
+    period: np.ndarray  # [s] in which psi~ makes one turn
+    mean_yaw_rate: np.ndarray  # [rad/s]
+
+
+def rotations(energy: CircleEnergy, eq: ScaledEquation) -> Rotations:
+    """The rotational motions, and the mean of D over them: inside the critical radius, and beyond it where there are.
+
+    Args:
+        energy: of the circles, entries (N,).
+        eq: of the same circles.
+
+    Returns:
+        Arrays.
+    """
+    means = rotating_means(eq)
+    mean_yaw_rate = eq.rate * (1 + np.sign(means.slope) * 2 * np.pi / means.duration)
+    return Rotations(_mean_power(energy, eq, means), means.duration / np.abs(eq.rate), mean_yaw_rate)
+
+
+def _mean_power(energy: CircleEnergy, eq: ScaledEquation, means: Moments) -> np.ndarray:
+    """Mean of D over a turn (N,) [W]."""
+    # Means over time of p^2 and p.
+    per_time = 2 * np.pi / means.duration
+    square, slope = np.abs(means.slope) * per_time, np.sign(means.slope) * per_time
+    power = np.sum(recentred(energy.power, -eq.alpha) * means.waves, axis=0)
+    return np.asarray(energy.friction * eq.rate**2 * (square + 2 * slope) + power)
 
 
 def _reached(s: Setting, found: tuple[Attractor, ...]) -> Attractor | None:

@@ -29,6 +29,8 @@ BLOCK = 1024
 """Parameter points that are worked on at once: the tables of a block stay in the processor's cache."""
 UNSURE = 0.02
 """Mean roots this close to their target (relative) are computed again to rounding; Gauss's rule is better than that."""
+SMALLEST, LARGEST = 1e-6, 1e6
+"""[m] Between which the switch radius is looked for."""
 CLOSE = 0.02
 """Levels h + min U below this share of U's swing need the graded quadrature."""
 
@@ -174,28 +176,33 @@ _MEANS = np.array([1.0, -0.5, 0.0])
 def switch_radius(c: YawCoefficients) -> np.ndarray:
     """R*_B [m]: on smaller circles a motion that keeps turning beats every steady rotation.
 
-    mean sqrt(U - min U) = |omega_B| sqrt(Z), by bisection; it does not depend on omega_B.
+    mean sqrt(U - min U) = |omega_B| sqrt(Z); it does not depend on omega_B.
 
     Args:
         c: numbers or arrays.
 
     Returns:
         Of their shape; infinite where there is no such radius below 1000 km, NaN without friction.
+
+    Source: Chandrupatla, A new hybrid quadratic/bisection algorithm, Advances in Engineering Software 28 (1997).
     """
+    from scipy.optimize.elementwise import find_root
+
     shape = np.broadcast_shapes(*(np.shape(item) for item in c))
     flat = YawCoefficients(*(np.broadcast_to(item, shape).ravel() for item in c))
     friction = flat.inertia * flat.xi_3
-    low, high = np.full(friction.shape, np.log(1e-6)), np.full(friction.shape, np.log(1e6))
 
-    def excess(log_radius: np.ndarray) -> np.ndarray:
-        energy = circle_energy(flat, np.exp(log_radius), 1.0)
-        angle, _ = least(energy.power)
-        return _Shape(energy.power, angle).mean_root(np.zeros_like(log_radius))[0] - np.sqrt(friction)
+    def excess(log_radius: np.ndarray, *coefficients: np.ndarray) -> np.ndarray:
+        part = YawCoefficients(*coefficients)
+        power = circle_energy(part, np.exp(log_radius), 1.0).power
+        angle, _ = least(power)
+        mean = _Shape(power, angle).mean_root(np.zeros_like(log_radius))[0]
+        return np.asarray(mean - np.sqrt(np.maximum(part.inertia * part.xi_3, 0.0)))
 
-    never, always = excess(high) < 0, excess(low) >= 0
-    for _ in range(60):
-        middle = (low + high) / 2
-        turns = excess(middle) < 0
-        low, high = np.where(turns, middle, low), np.where(turns, high, middle)
-    radius = np.where(never, np.inf, np.where(always, 0.0, np.exp((low + high) / 2)))
-    return np.where(friction > 0, radius, np.nan).reshape(shape)
+    ends = np.log(SMALLEST), np.log(LARGEST)
+    always, never = (excess(np.full(friction.shape, end), *flat) for end in ends)
+    radius = np.where(never < 0, np.inf, np.where(friction > 0, 0.0, np.nan))
+    k = np.flatnonzero((always < 0) & (never >= 0) & (friction > 0))
+    if k.size:
+        radius[k] = np.exp(find_root(excess, ends, args=tuple(flat.of(k))).x)
+    return radius.reshape(shape)

@@ -12,9 +12,10 @@ import pytest
 import xarray as xr
 
 from occ.atlas import run as atlas_run
-from occ.atlas.dataset import atlas_dataset, read_atlas, unit_of, write_atlas
+from occ.atlas.dataset import read_atlas, unit_of, write_atlas
 from occ.atlas.grid import Grid, load_grid
 from occ.atlas.run import Block, Comparison, make_atlas
+from occ.atlas.variables import REGIMES
 from occ.errors import InputError
 from occ.experiment.child import Lost
 from occ.experiment.load import load_experiment
@@ -23,17 +24,10 @@ from occ.theory.coefficients import yaw_coefficients
 from occ.theory.dissipation import energy_of
 from occ.theory.equation import reduced_motion
 from occ.theory.minimum_work import minimum_work
-from tests.atlas import SWEEP, atlas_text
+from tests.atlas import SWEEP, atlas_text, made
 from tests.experiment.conftest import Occ, Write, occ, write
 
 __all__ = ["occ", "write"]
-
-
-def made(path: Path, out: Path, engine: Engine | None = None, *overrides: str) -> xr.Dataset:
-    grid = load_grid(path, overrides)
-    dataset = atlas_dataset(grid, make_atlas(path, grid, out, engine or Engine()))
-    write_atlas(dataset, out)
-    return dataset
 
 
 def test_published_gaps(write: Write, tmp_path: Path) -> None:
@@ -130,9 +124,15 @@ def test_regimes_are_what_they_say(write: Write, tmp_path: Path) -> None:
 
 
 def test_file_has_units_provenance_and_the_same_values(write: Write, tmp_path: Path) -> None:
-    data = made(write(atlas_text(SWEEP)), tmp_path / "out")
-    back = read_atlas(tmp_path / "out")
-    xr.testing.assert_identical(back, data)
+    path = write(atlas_text(SWEEP))
+    back, grid = made(path, tmp_path / "out"), load_grid(path)
+    columns = make_atlas(path, grid, tmp_path / "out", Engine()).columns
+    assert set(columns) == set(back.data_vars)
+    for name, values in columns.items():
+        texts = np.array(REGIMES)[values] if values.dtype == np.int8 else values
+        np.testing.assert_array_equal(back[name].values.ravel(), texts)
+    for key, values in grid.values.items():
+        np.testing.assert_array_equal(back[key].values, values)
     assert tuple(back.dims) == ("motion.radius", "motion.rate")
     for variable in back.variables.values():
         assert variable.attrs["units"]
@@ -224,6 +224,10 @@ def test_command(write: Write, occ: Occ, tmp_path: Path) -> None:
             "too many cases",
         ),
         ('horizon = [{ laps = 1 }]\n"motion.rate" = [0.1, 0.2]\n', "cannot be swept at once"),
+        ('platform = [{ preset = "youbot" }, { preset = "omni3" }]\n', "platforms with 3 and 4 wheels"),
+        ('"platform.wheel_radius" = [0.05, 0.0]\n', "should be greater than 0"),
+        ('"limits.torque" = [-2.0]\n', "should be greater than 0"),
+        ('"platform.friction_scale" = [nan]\n', "not finite"),
     ],
 )
 def test_bad_input_is_one_line_and_nothing_is_written(
@@ -256,7 +260,8 @@ def test_comparison(write: Write, tmp_path: Path) -> None:
     path = write(atlas_text('"motion.radius" = [0.7, 1.4]\n', "comparison") + "\n[limits]\ntorque = 1.4\n")
     grid = load_grid(path)
     found = make_atlas(path, grid, tmp_path / "out", Engine())
-    data = atlas_dataset(grid, found)
+    write_atlas(grid, found, tmp_path / "out")
+    data = read_atlas(tmp_path / "out")
     law = data.sel(controller="servo law")
     assert list(law["status"].values) == ["ok", "infeasible"]
     assert float(law["work_gap_percent"][0]) > 0

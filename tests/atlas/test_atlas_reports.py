@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from occ.atlas.dataset import FILE, atlas_dataset, read_atlas
+from occ.atlas.dataset import FILE, read_atlas
 from occ.atlas.grid import load_grid
-from occ.atlas.run import make_atlas
 from occ.experiment.load import read_toml
-from occ.experiment.pool import Engine
+from tests.atlas import made
 
 ROOT = Path(__file__).parents[2]
 ATLASES = sorted((ROOT / "experiments").glob("atlas_*.toml"))
@@ -45,8 +44,7 @@ def test_committed_values_are_those_of_the_code(path: Path, tmp_path: Path) -> N
     overrides = [text.replace('"', "") for text in overrides]
     if committed.attrs["depth"] == "comparison":
         overrides.append("atlas.depth=long_run")
-    grid = load_grid(path, overrides)
-    data = atlas_dataset(grid, make_atlas(path, grid, tmp_path, Engine()))
+    data = made(path, tmp_path, None, *overrides)
     for name in data.data_vars:
         old, new = committed[name].sel(chosen), data[name]
         if old.dtype.kind == "f":

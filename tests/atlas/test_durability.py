@@ -15,21 +15,16 @@ import psutil
 import pytest
 import xarray as xr
 
-from occ.atlas.dataset import atlas_dataset, read_atlas
+from occ.atlas.dataset import read_atlas
 from occ.atlas.grid import load_grid
 from occ.atlas.run import make_atlas
 from occ.experiment.pool import Engine
-from tests.atlas import SWEEP, atlas_text
+from tests.atlas import SWEEP, atlas_text, made
 from tests.experiment.conftest import Write, write
 from tests.experiment.test_engines_cluster import cluster
 
 __all__ = ["cluster", "write"]
 LEAST = '[[controller]]\nname = "least"\nkind = "collocation"\nobjective = "torque_squared"\nintervals = 4\n'
-
-
-def made(path: Path, out: Path, engine: Engine) -> xr.Dataset:
-    grid = load_grid(path)
-    return atlas_dataset(grid, make_atlas(path, grid, out, engine))
 
 
 @pytest.mark.slow
@@ -92,7 +87,7 @@ import os, sys, time
 from pathlib import Path
 import scipy.linalg, xarray, h5netcdf
 from occ.atlas import run
-from occ.atlas.dataset import atlas_dataset, write_atlas
+from occ.atlas.dataset import write_atlas
 from occ.atlas.grid import load_grid
 from occ.experiment.pool import Engine
 
@@ -106,7 +101,7 @@ while line := sys.stdin.readline():
     pid = os.fork()
     if pid == 0:
         found = run.make_atlas(path, grid, out, Engine(), lambda *told: time.sleep(0.0 if told[3:] else wait))
-        write_atlas(atlas_dataset(grid, found), out)
+        write_atlas(grid, found, out)
         os._exit(0)
     print(pid, flush=True)
     code = os.waitpid(pid, 0)[1]

@@ -17,7 +17,7 @@ from occ.figures.comparison import Motions, plan, write_figures
 from occ.figures.floor import path_figure
 from occ.figures.over_time import cost_figure, force_figure, heading_figure, visible_range
 from occ.figures.style import COLOURS, DASHES, controller_line, label, look, style
-from occ.figures.sweep import gap_figure, value_figure
+from occ.figures.sweep import front_figure, gap_figure, value_figure
 from occ.objectives import OBJECTIVES, objective
 from occ.report.stored import Motion, load
 from tests.report.synthetic import COMPARED, WHEELS, motion, row, store
@@ -280,7 +280,8 @@ def test_many_cases_have_a_figure_of_the_gap_and_only_three_of_their_own(tmp_pat
     names = [item.name for item in plan(load(sweep(tmp_path, 7)))]
     assert names[:2] == ["gap-work-motion.radius.svg", "gap-torque_squared-motion.radius.svg"]
     assert names[2:4] == ["work-motion.radius.svg", "torque_squared-motion.radius.svg"]
-    assert len(names) == 4 + 3 * len(ALL)
+    # One more is planned and drawn only where B leaves its program.
+    assert len(names) == 4 + 3 * (len(ALL) + 1)
     assert not [name for name in names if name.startswith("gap-work-motion.kind")]
 
 
@@ -307,6 +308,31 @@ def test_the_value_over_a_swept_key_is_the_stored_one(tmp_path: Path) -> None:
         rows = stored.rows[stored.rows["controller"] == name]
         np.testing.assert_array_equal(line.get_ydata(), rows["work_J"])
     assert panel.get_ylabel() == "work [J]"
+
+
+def test_a_swept_weight_gives_a_front_with_the_law_beside_it(tmp_path: Path) -> None:
+    key = "controller.between.weights.work"
+    weights, torques = [1.0, 2.0, 4.0], [9.0, 8.0, 7.5]
+    rows = []
+    for weight, torque in zip(weights, torques, strict=True):
+        of_case = {"case": str(weight), key: weight}
+        rows.append(row("law", 80.0, **of_case))
+        rows.append(row("between", 70.0 + weight, **of_case, torque_squared_N2m2s=torque))
+        rows.append(row("spiky", 70.0, **of_case, torque_squared_N2m2s=1e6))
+    stored = load(store(tmp_path, rows))
+    assert f"front-work-torque_squared-{key}.svg" in [item.name for item in plan(stored)]
+    figure = front_figure(stored, (objective("work"), objective("torque_squared")), key)
+    assert figure is not None
+    (panel,) = figure.axes
+    lines = curves(panel)
+    assert set(lines) == {"law", "between"}
+    np.testing.assert_array_equal(lines["between"].get_xdata(), [71.0, 72.0, 74.0])
+    np.testing.assert_array_equal(lines["between"].get_ydata(), torques)
+    assert len(lines["law"].get_xdata()) == 1
+    # What is far beyond the front is said and not drawn.
+    assert any("spiky" in text.get_text() and "1e+06" in text.get_text() for text in panel.texts)
+    assert panel.get_xlabel().startswith("work [J]")
+    assert panel.get_ylabel() == "torque squared [N² m² s]"
 
 
 def test_gaps_of_several_sizes_have_plain_numbers_on_their_axis(tmp_path: Path) -> None:

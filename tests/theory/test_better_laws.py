@@ -32,9 +32,12 @@ def test_best_offset_needs_the_least_power_of_all_steady_rotations() -> None:
     assert BestOffset().start(task).heading == pytest.approx(1.1488, abs=5e-5)
 
 
-@pytest.mark.parametrize(("duration", "percent"), [(LAP, 0.01), (30.0, 0.005)])
-def test_slow_manifold_is_closer_to_the_least_work_than_the_law(duration: float, percent: float) -> None:
-    task = paper_task(duration)
+@pytest.mark.parametrize(
+    ("duration", "rate", "percent"), [(LAP, -0.4, 0.01), (30.0, -0.4, 0.005), (LAP, 0.4, 0.02), (30.0, 0.4, 0.05)]
+)
+def test_slow_manifold_is_closer_to_the_least_work_than_the_law(duration: float, rate: float, percent: float) -> None:
+    # One lap in the other direction is too short for the steady rotation: its manifold is 2.1 % above the least work.
+    task = paper_task(duration, rate=rate)
     least = minimum_work(task).work
     gap = 100 * (work(SlowManifold(), task) / least - 1)
     assert 0 < gap < percent

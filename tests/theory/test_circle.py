@@ -13,7 +13,8 @@ from occ.model.constraint import path_functions
 from occ.model.platform import Platform
 from occ.model.presets import omni3, youbot
 from occ.motion import Circle
-from occ.theory.circle import circle_quantities
+from occ.numeric import BLOCK
+from occ.theory.circle import circle_function, circle_quantities
 from occ.theory.coefficients import yaw_coefficients, yaw_coefficients_many
 from occ.theory.equation import reduced_motion, scaled_equation, scaled_right_side, yaw_acceleration
 from occ.theory.stability import singular_point
@@ -48,6 +49,30 @@ class TestCheckValues:
         b_x, b_y = singular_point(youbot(), -0.4)
         assert b_x == printed("0.000753166689804")
         assert b_y == printed("0.000927672480453")
+
+
+class TestManyPoints:
+    """Arrays by NumPy are CasADi's numbers, point by point."""
+
+    @settings(max_examples=15)
+    @given(platform=platforms(), point=points(), circle=circles())
+    def test_arrays_are_the_functions(self, platform: Platform, point: tuple[float, float], circle: Circle) -> None:
+        radii = circle.radius * np.array([0.3, 1.0, 4.0])
+        c = yaw_coefficients(platform, point)
+        many = yaw_coefficients_many(platform.wheel_count, platform.parameters(), np.tile(point, (3, 1)).T)
+        found = circle_quantities(many, radii, circle.rate)
+        for k, radius in enumerate(radii):
+            np.testing.assert_allclose([value[k] for value in many], c, rtol=1e-14, atol=0)
+            expected = np.array(circle_function()(np.array(c), radius, circle.rate))[:, 0]
+            np.testing.assert_allclose([value[k] for value in found], expected, rtol=1e-13, atol=1e-13)
+
+    def test_more_points_than_one_block_and_numbers_among_arrays(self) -> None:
+        c, radii = yaw_coefficients(youbot(), POINT), np.linspace(0.05, 1.5, 2 * BLOCK + 3).reshape(5, -1)
+        assert radii.size == 2 * BLOCK + 3
+        found = circle_quantities(c, radii, -0.4)
+        for place in ((0, 0), (2, 7), (4, -1)):
+            one = circle_quantities(c, radii[place], -0.4)
+            np.testing.assert_array_equal([value[place] for value in found], one)
 
 
 class TestAgainstTheModel:

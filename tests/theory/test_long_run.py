@@ -18,7 +18,7 @@ from occ.theory.coefficients import yaw_coefficients
 from occ.theory.dissipation import CircleEnergy, circle_energy
 from occ.theory.long_run import long_run, switch_radius
 from occ.theory.minimum_work import minimum_work
-from occ.theory.trigonometric import TURN, value
+from occ.theory.trigonometric import TURN, least, value
 from tests.strategies import platforms, points, reals
 from tests.tasks import POINT, paper_task
 
@@ -105,6 +105,20 @@ def test_switch_radius_depends_on_neither_rate_nor_scale_of_friction(
         for sign in (-1, 1):
             c = yaw_coefficients(scaled, point)
             assert bool(long_run(circle_energy(c, radius * factor, sign * rate)).steady) is steady
+
+
+def test_least_value_of_many_polynomials() -> None:
+    """One valley, two, the deeper one narrow, a flat bottom and a constant: not above the values on a fine grid."""
+    rng = np.random.default_rng(5)
+    flat, level, equal = [0.0, -4.0, 0.0, 1.0, 0.0], [2.0, 0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0, 0.0]
+    p = np.concatenate([rng.normal(size=(300, 5)) * [1, 0.3, 0.3, 1, 1], [flat, level, equal]]).T
+    angle, lowest = least(p)
+    grid = np.linspace(0, TURN, 20_001)
+    sampled = value(p[:, :, None], grid).min(axis=1)
+    np.testing.assert_allclose(value(p, angle), lowest, atol=1e-14)
+    assert np.all(lowest <= sampled + 1e-13)
+    assert np.all(lowest >= sampled - 1e-6)
+    np.testing.assert_allclose(lowest[-3:], [-3.0, 2.0, -1.0], atol=1e-14)
 
 
 def test_arrays_are_points() -> None:

@@ -41,9 +41,9 @@ class TestOneOrbit:
         eq = equation(epsilon * (1 if side > 0 else -1), ratio, spin, delta)
         found, shot = rotating_orbits(eq), shoot(eq)
         assert shot is not None
-        assert float(found.period) == pytest.approx(shot.duration / 0.5, rel=1e-7)
+        assert float(found.period) == pytest.approx(float(shot.moments.duration) / 0.5, rel=1e-7)
         assert float(found.amplitude) == pytest.approx((shot.extremes[1] - shot.extremes[0]) / 4, rel=1e-6, abs=1e-9)
-        mean_damping = shot.damped / shot.duration * 0.5 / epsilon
+        mean_damping = float(shot.moments.damping(eq)) * 0.5 / epsilon
         assert float(found.mean_damping) == pytest.approx(mean_damping, rel=1e-7)
 
     def test_multiplier_is_the_derivative_of_the_return_map(self) -> None:
