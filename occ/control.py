@@ -69,7 +69,7 @@ class SymbolicControl:
         time, states, signals, _ = call.inputs
         (result,) = call.outputs
         signal = self.signal
-        interval = 0 if signal is None else int(np.searchsorted(signal.edges, (start + end) / 2)) - 1
+        interval = 0 if signal is None else signal.interval((start + end) / 2)
 
         def torque(t: float, state: np.ndarray) -> np.ndarray:
             time[0] = t

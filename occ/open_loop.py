@@ -11,9 +11,10 @@ import numpy as np
 from occ.checks import check_fields
 from occ.control import Control
 from occ.errors import Status
+from occ.integration import IntegrationError
 from occ.laws import MeasuredServoLaw, PrescribedRotation, ServoLaw
 from occ.optimal.collocation import Collocation
-from occ.referee.replay import Replay, ReplayError
+from occ.referee.replay import Replay
 from occ.task import Solution, Task
 
 
@@ -53,7 +54,7 @@ class OpenLoop:
             return solution
         try:
             motion = Replay(task.platform, solution.control, solution.start_state, task.duration)
-        except ReplayError as error:
+        except IntegrationError as error:
             return replace(solution, control=None, status=Status.UNSTABLE, message=str(error))
         return replace(solution, control=_Frozen(solution.control, motion))
 

@@ -52,11 +52,14 @@ class PiecewisePolynomial:
     values: np.ndarray
 
     @cached_property
-    def _powers(self) -> tuple[np.ndarray, np.ndarray]:
-        """Coefficients (m, K, d) of the powers of 2 s - 1, and the exponents: for single times, where speed counts."""
-        exponents = np.arange(len(self.nodes))
-        vandermonde = (2 * self.nodes[:, None] - 1) ** exponents
-        return np.linalg.solve(vandermonde, self.values[..., None])[..., 0], exponents
+    def powers(self) -> np.ndarray:
+        """(m, K, d) Coefficients of the powers of 2 s - 1: for single times, where speed counts."""
+        vandermonde = (2 * self.nodes[:, None] - 1) ** np.arange(len(self.nodes))
+        return np.asarray(np.linalg.solve(vandermonde, self.values[..., None])[..., 0])
+
+    def interval(self, t: float) -> int:
+        """Number of the interval that holds a time inside it."""
+        return int(np.clip(np.searchsorted(self.edges, t) - 1, 0, len(self.edges) - 2))
 
     def basis(self, s: np.ndarray) -> np.ndarray:
         """l_j(s): Lagrange basis on the nodes.
@@ -77,9 +80,8 @@ class PiecewisePolynomial:
 
     def within(self, k: int, t: float) -> np.ndarray:
         """The signals (m,) at one time, by the polynomial of interval k, also at that interval's right end."""
-        coefficients, exponents = self._powers
         middle, half = (self.edges[k] + self.edges[k + 1]) / 2, (self.edges[k + 1] - self.edges[k]) / 2
-        return np.asarray(coefficients[:, k] @ ((t - middle) / half) ** exponents)
+        return np.asarray(self.powers[:, k] @ ((t - middle) / half) ** np.arange(len(self.nodes)))
 
 
 def lagrange_basis(nodes: np.ndarray, s: np.ndarray) -> np.ndarray:

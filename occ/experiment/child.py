@@ -83,9 +83,7 @@ class Crew:
         with self._lock:
             if self._stopped:
                 return Lost("stopped before it began")
-            alive = [child for child in self._idle if child.alive]
-            child = alive.pop() if alive else _Child(self._limits)
-            self._idle = alive
+            child = self._waiting() or _Child(self._limits)
             self._busy.add(child)
         try:
             return child.call(function, item)
@@ -96,6 +94,15 @@ class Crew:
                     self._idle.append(child)
                 else:
                     child.kill()
+
+    def _waiting(self) -> _Child | None:
+        """A process that waits for a call; those that have died while they waited are cleared away."""
+        while self._idle:
+            child = self._idle.pop()
+            if child.alive:
+                return child
+            child.kill()
+        return None
 
     def stop(self) -> None:
         """End all processes, in the middle of a call or not."""

@@ -28,14 +28,15 @@ def netcdf_bytes(dataset: xr.Dataset) -> bytes:
     content = io.BytesIO()
     with h5py.File(content, "w", track_order=True) as file:
         file.attrs.update(dataset.attrs)
+        stored = {}
         for name, variable in dataset.variables.items():
             values = variable.values
             text = values.dtype.kind == "U"
-            stored = file.create_dataset(str(name), data=values.astype(h5py.string_dtype()) if text else values)
-            stored.attrs.update(variable.attrs)
+            stored[name] = file.create_dataset(str(name), data=values.astype(h5py.string_dtype()) if text else values)
+            stored[name].attrs.update(variable.attrs)
         for name in dataset.dims:
-            file[str(name)].make_scale(str(name))
+            stored[name].make_scale(str(name))
         for name in dataset.data_vars:
-            for axis, dimension in enumerate(dataset[name].dims):
-                file[str(name)].dims[axis].attach_scale(file[str(dimension)])
+            for axis, dimension in enumerate(dataset.variables[name].dims):
+                stored[name].dims[axis].attach_scale(stored[dimension])
     return content.getvalue()

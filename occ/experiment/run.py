@@ -139,7 +139,9 @@ def not_ok(rows: Sequence[Row]) -> int:
     return sum(row["status"] != Status.OK for row in rows)
 
 
-def solve_row(case: Case, task: Task, name: str, player: Player) -> tuple[Row, xr.Dataset | None]:
+def solve_row(
+    case: Case, task: Task, name: str, player: Player, *, with_motion: bool = True
+) -> tuple[Row, xr.Dataset | None]:
     """One controller's row, whatever it does, and the true motion behind it.
 
     Args:
@@ -147,9 +149,10 @@ def solve_row(case: Case, task: Task, name: str, player: Player) -> tuple[Row, x
         task: of the case.
         name: of the controller.
         player: the controller.
+        with_motion: whether the motion is wanted, too.
 
     Returns:
-        The row, whose ``trajectory`` is None, and the motion; None where there was none.
+        The row, whose ``trajectory`` is None, and the motion; None where there was none, or nobody wants it.
     """
     begin = time.perf_counter()
     solved = None
@@ -164,7 +167,7 @@ def solve_row(case: Case, task: Task, name: str, player: Player) -> tuple[Row, x
         # Anything may have been returned; the verdict tells.
         statistics = getattr(solution, "statistics", {})
         record = verdict.record
-        if verdict.replay is not None:
+        if with_motion and verdict.replay is not None:
             motion = motion_dataset(task, verdict, _attributes(case, name))
     except (Exception, SystemExit) as error:  # whatever a player does, its row stays in the table
         record = _crashed(f"{type(error).__name__}: {error}")

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, lru_cache
 from typing import ClassVar, Self
 
 import casadi as ca
@@ -19,16 +19,21 @@ from occ.allocation import AllocationOption, MinNorm
 from occ.checks import NonNegative, check_fields
 from occ.control import SymbolicControl
 from occ.errors import InputError, Status
+from occ.integration import CompiledStep, IntegrationError, Settings, integrate
 from occ.model.coefficients import Coefficients, packed_size, unpack
 from occ.model.constraint import OnProgram, PathSymbols, path_functions
 from occ.motion import ProgramMotion, kinematics_function
-from occ.numeric import BufferedFunction, evaluate_many
+from occ.numeric import evaluate_many
 from occ.task import Claim, Solution, Start, StartClass, Task
 from occ.trajectory import Trajectory
 
 LARGEST_YAW_RATE = 1e4
 """[rad/s] A yaw rate beyond this is reported as unstable."""
+LEAST_STEPS = 40
+"""Of the yaw equation's integration in a horizon."""
 SAMPLES_PER_SECOND = 40
+LAWS_KEPT = 64
+"""Laws, each with its parameters, whose functions are remembered."""
 MIN_NORM = MinNorm()
 
 
@@ -205,7 +210,7 @@ class _PathArguments:
         return OnProgram(reconstructed.direction, velocity, ca.vertcat(wanted + turning, 0))
 
 
-@cache
+@lru_cache(maxsize=LAWS_KEPT)
 def _law_functions(
     law: PathKeepingLaw, wheel_count: int, motion: type[ProgramMotion], structure: tuple[int, ...], size: int
 ) -> tuple[ca.Function, ca.Function]:
@@ -225,6 +230,16 @@ def _law_functions(
             "law", [path.t, path.state, ca.SX.sym("signal", 0), path.data], [ca.densify(matrices.min_norm @ wrench)]
         ),
     )
+
+
+@lru_cache(maxsize=LAWS_KEPT)
+def _yaw_equation(
+    law: PathKeepingLaw, wheel_count: int, motion: type[ProgramMotion], structure: tuple[int, ...], size: int
+) -> ca.Function:
+    """CasADi function (t, (psi, Omega), data) -> (Omega, Omega')."""
+    yaw, _ = _law_functions(law, wheel_count, motion, structure, size)
+    t, x, data = ca.SX.sym("t"), ca.SX.sym("x", 2), ca.SX.sym("data", yaw.numel_in(3))
+    return ca.Function("yaw_equation", [t, x, data], [ca.vertcat(x[1], yaw(t, x[0], x[1], data))])
 
 
 def _chosen(law: PathKeepingLaw, moment: Moment) -> ca.SX:
@@ -291,49 +306,25 @@ def yaw_motion(
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.5 (DOP853).
     """
-    from scipy.integrate import solve_ivp
-
-    yaw, _ = _law_functions(law, task.platform.wheel_count, *task.motion_structure)
+    structure = (law, task.platform.wheel_count, *task.motion_structure)
+    yaw, _ = _law_functions(*structure)
+    step = CompiledStep(_yaw_equation(*structure), tolerance)
+    step.parameters(task.path_data)
     start = law.start(task)
-
-    def escaped(_: float, y: np.ndarray) -> float:
-        return LARGEST_YAW_RATE - abs(float(y[1]))
-
-    escaped.terminal = True  # type: ignore[attr-defined]
-    result = solve_ivp(
-        yaw_rate_function(yaw, task.path_data),
-        (0.0, task.duration),
-        [start.heading, start.heading_rate],
-        method="DOP853",
-        dense_output=True,
-        rtol=tolerance,
-        atol=tolerance,
-        events=escaped,
-    )
-    if result.status != 0 or not np.all(np.isfinite(result.y)):
-        return None, f"the yaw rate passes {LARGEST_YAW_RATE:g} rad/s at t = {result.t[-1]:.4g} s"
+    knots = task.motion.knots(task.duration)
+    edges = np.concatenate([[0.0], knots[(knots > 0.0) & (knots < task.duration)], [task.duration]])
+    bounds = Settings(longest=task.duration / LEAST_STEPS, largest=np.array([np.inf, LARGEST_YAW_RATE]))
+    try:
+        steps = integrate(step, edges, np.array([start.heading, start.heading_rate]), bounds, lambda k, x: None)
+    except IntegrationError as error:
+        return None, f"the yaw rate passes {LARGEST_YAW_RATE:g} rad/s at t = {error.t:.4g} s"
 
     def motion(t: np.ndarray) -> np.ndarray:
-        heading, omega = result.sol(t)
+        heading, omega = steps(t)
         (acceleration,) = evaluate_many(yaw, t[None, :], heading[None, :], omega[None, :], task.path_data, shared=(3,))
         return np.vstack([heading, omega, acceleration])
 
     return motion, ""
-
-
-def yaw_rate_function(yaw: ca.Function, data: np.ndarray) -> Callable[[float, np.ndarray], np.ndarray]:
-    """The right-hand side (Omega, Omega') of a yaw equation as a fast function of t and (psi, Omega)."""
-    call = BufferedFunction(yaw)
-    call.inputs[3][:] = data
-    time, heading, omega, _ = call.inputs
-    (result,) = call.outputs
-
-    def rate(t: float, y: np.ndarray) -> np.ndarray:
-        time[0], heading[0], omega[0] = t, y[0], y[1]
-        call()
-        return np.array([y[1], result[0]])
-
-    return rate
 
 
 def path_trajectory(

@@ -6,7 +6,7 @@ been built once is solved again for another mass, friction or wheel by writing o
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import casadi as ca
@@ -14,6 +14,9 @@ import numpy as np
 
 from occ.model.appell import derive
 from occ.model.platform import Platform
+
+PLATFORMS = 32
+"""Platforms whose matrices are remembered: sweeps over millions of platforms are no reason to keep them all."""
 
 
 class Coefficients(NamedTuple):
@@ -74,7 +77,7 @@ def coefficient_function(wheel_count: int) -> ca.Function:
     return ca.Function("coefficients", [model.parameters], dense, ["parameters"], names)
 
 
-@cache
+@lru_cache(maxsize=PLATFORMS)
 def coefficients(platform: Platform) -> np.ndarray:
     """The packed matrices of one platform, the argument of `unpack`.
 

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, lru_cache
 
 import casadi as ca
 import numpy as np
 
 from occ.errors import InputError
 from occ.model.appell import derive
-from occ.model.coefficients import coefficient_function, coefficients, unpack
+from occ.model.coefficients import PLATFORMS, coefficient_function, coefficients, unpack
 from occ.model.platform import Platform, parameter_names
 
 STATE = ("x", "y", "heading", "velocity_x", "velocity_y", "yaw_rate")
@@ -169,13 +169,13 @@ def _unknown(kind: str, name: str, valid: list[str]) -> str:
     return f"unknown {kind} {name!r}{hint}"
 
 
-@cache
+@lru_cache(maxsize=PLATFORMS)
 def dynamics(platform: Platform) -> Dynamics:
-    """The dynamics of a platform, built once for each platform in a process."""
+    """The dynamics of a platform, built once in a process for each of the latest platforms."""
     return Dynamics(platform)
 
 
-@cache
+@lru_cache(maxsize=PLATFORMS)
 def friction_time(platform: Platform) -> float:
     """1 / max |eigenvalue of A^-1 Z|: the shortest time in which friction alone stops a motion.
 
@@ -185,6 +185,6 @@ def friction_time(platform: Platform) -> float:
     Returns:
         [s]; infinite without friction.
     """
-    k = dynamics(platform).coefficients
+    k = unpack(ca.DM(coefficients(platform)), platform.wheel_count)
     fastest = np.abs(np.linalg.eigvals(np.linalg.solve(np.array(k.inertia), np.array(k.friction)))).max()
     return float(1.0 / fastest) if fastest > 0 else np.inf

@@ -12,13 +12,15 @@ import numpy as np
 
 from occ.control import Control
 from occ.errors import Status
+from occ.integration import IntegrationError
+from occ.model.dynamics import parametric_functions
 from occ.numeric import evaluate_many
 from occ.objectives import INTEGRALS
 from occ.plant import Plant
-from occ.referee.loads import excesses, peak
+from occ.referee.loads import Loads, loads
 from occ.referee.record import Record
 from occ.referee.reference import servo_end_state
-from occ.referee.replay import Replay, ReplayError, ReplaySettings, Samples
+from occ.referee.replay import Replay, ReplaySettings, Samples
 from occ.task import Claim, ClaimedKeep, EndClass, Solution, StartClass, Task
 from occ.trajectory import Trajectory
 
@@ -93,10 +95,14 @@ def examine(task: Task, solution: Solution, tolerances: Tolerances | None = None
     try:
         replay = _replay(task, solution.control, solution.start_state, tolerances.integration)
         samples = replay.samples()
-    except ReplayError as error:
+    except IntegrationError as error:
         return Verdict(replace(record, status=Status.UNSTABLE, message=str(error)))
-    measures = measure(task, solution, replay, samples)
+    borne = loads(task, replay, samples)
+    measures = measure(task, solution, replay, samples, borne)
     status, message = _check(task, solution, measures, replay, samples, tolerances)
+    excess, sentence = borne.largest_excess
+    if status is Status.OK and excess > tolerances.limit:
+        status, message = Status.INFEASIBLE, sentence
     record = replace(record, measures=measures, status=status, message=message or record.message)
     return Verdict(record, replay, samples)
 
@@ -158,7 +164,7 @@ def _kind(value: object) -> str:
     return "None" if value is None else f"{'an' if name[0] in 'aeiou' or name == 'ndarray' else 'a'} {name}"
 
 
-def measure(task: Task, solution: Solution, replay: Replay, samples: Samples) -> dict[str, float]:
+def measure(task: Task, solution: Solution, replay: Replay, samples: Samples, borne: Loads) -> dict[str, float]:
     """All numbers of a row from the true motion.
 
     Args:
@@ -166,6 +172,7 @@ def measure(task: Task, solution: Solution, replay: Replay, samples: Samples) ->
         solution: for what it claimed.
         replay: the true motion.
         samples: the same on quadrature nodes.
+        borne: by the wheels.
 
     Returns:
         By the names of `MEASURES`.
@@ -178,9 +185,9 @@ def measure(task: Task, solution: Solution, replay: Replay, samples: Samples) ->
         "kinetic_change_J": kinetic,
         "dissipation_J": dissipation,
         "energy_residual_J": measures["work_J"] - kinetic - dissipation,
-        "peak_torque_Nm": peak(replay, samples, lambda s: s.torque).value,
-        "peak_wheel_speed_rad_s": peak(replay, samples, lambda s: s.wheel_rates).value,
-        "peak_power_W": peak(replay, samples, lambda s: s.power).value,
+        "peak_torque_Nm": borne.torque,
+        "peak_wheel_speed_rad_s": borne.wheel_speed,
+        "peak_power_W": borne.power,
     }
     position, velocity = task.point_motion(samples.state)
     program, program_velocity, _ = task.motion.at(samples.t)
@@ -193,7 +200,7 @@ def measure(task: Task, solution: Solution, replay: Replay, samples: Samples) ->
     if solution.claim.keep != "ends":
         measures["tube_radius_m"] = solution.claim.radius or 0.0
     measures["defect"], measures["replay_error_m"] = _claim_errors(task, solution, replay)
-    measures["limit_excess"] = max((excess for excess, _ in excesses(task, replay, samples)), default=0.0)
+    measures["limit_excess"] = borne.largest_excess[0]
     return measures
 
 
@@ -204,7 +211,8 @@ def _claim_errors(task: Task, solution: Solution, replay: Replay) -> tuple[float
         return 0.0, 0.0
     assert solution.control is not None
     torque = solution.control.torque(claimed.t, claimed.state)
-    (rate,) = evaluate_many(task.dynamics.functions["forward"], claimed.state, torque)
+    forward = parametric_functions(task.platform.wheel_count)["forward"]
+    (rate,) = evaluate_many(forward, claimed.state, torque, task.platform.parameters(), shared=(2,))
     residual = np.abs(claimed.state_rate - rate) / np.maximum(1.0, np.abs(rate).max(axis=1, keepdims=True))
     true = replay.at(claimed.t)
     center = np.hypot(*(claimed.state[:2] - true[:2]))
@@ -224,9 +232,6 @@ def _check(
         reason = check(task, solution, measures, replay, samples, allowed)
         if reason:
             return Status.FAILED, reason
-    excess, sentence = max(excesses(task, replay, samples), default=(0.0, ""))
-    if excess > allowed.limit:
-        return Status.INFEASIBLE, sentence
     return Status.OK, ""
 
 

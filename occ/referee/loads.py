@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +13,12 @@ from occ.trajectory import lagrange_basis
 
 JUMP = 1e-3
 """[s] A jump of a torque counts as a change within this time."""
+ROUNDING = 1e-9
+"""Wheels whose peaks are this near to each other, relative to them, need the same."""
+BETWEEN_NODES = 17
+"""Places between two nodes at which a peak is looked for."""
 BETWEEN = 33
-"""Places in each step at which torque rates are looked at."""
+"""Places in each panel at which its polynomials are looked at."""
 
 Quantity = Callable[[Samples], np.ndarray]
 
@@ -34,31 +38,51 @@ class Peak:
     t: float
 
 
-def peak(replay: Replay, samples: Samples, quantity: Quantity) -> Peak:
-    """Largest absolute value between nodes too: the best panel is sampled again, three times finer and finer.
+def peaks(replay: Replay, samples: Samples, quantities: Sequence[Quantity]) -> list[Peak]:
+    """Largest absolute values between nodes too: the best panels are sampled again, three times finer and finer.
 
     Args:
         replay: the true motion.
         samples: the same on quadrature nodes.
-        quantity: samples -> (k, N), one row a wheel.
+        quantities: samples -> (k, N), one row a wheel.
 
     Returns:
-        Value, wheel and time.
+        Value, wheel and time of each.
     """
-    values = np.abs(quantity(samples))
-    wheel, column = (int(i) for i in np.unravel_index(np.argmax(values), values.shape))
-    best, when = float(values[wheel, column]), float(samples.t[column])
-    low, high = samples.t[max(column - 1, 0)], samples.t[min(column + 1, len(samples.t) - 1)]
-    for _ in range(3):
-        if not high > low:
-            break
-        t = np.linspace(low, high, 17)
-        fine = np.abs(quantity(replay.sample(t))[wheel])
-        k = int(np.argmax(fine))
-        low, high = t[max(k - 1, 0)], t[min(k + 1, len(t) - 1)]
-        if fine[k] > best:
-            best, when = float(fine[k]), float(t[k])
-    return Peak(best, wheel, when)
+    count = samples.nodes
+    places = np.linspace(0.0, 1.0, BETWEEN)
+    between = lagrange_basis(gauss_lobatto(count)[0], places)
+    begins, widths = samples.t[::count], samples.t[count - 1 :: count] - samples.t[::count]
+    found, ends = [], []
+    for quantity in quantities:
+        values = quantity(samples)
+        # Between the nodes by the polynomial on each panel: there another wheel may need more.
+        fine = (values.reshape(len(values), -1, count) @ between).reshape(len(values), -1)
+        wheel, column = _largest(values)
+        other, _ = _largest(fine)
+        if np.abs(fine[other]).max() > (1 + ROUNDING) * abs(values[wheel, column]):
+            wheel, column = other, _largest(values[[other]])[1]
+        found.append(Peak(float(abs(values[wheel, column])), wheel, float(samples.t[column])))
+        _, column = _largest(fine[[wheel]])
+        panel, place = divmod(column, BETWEEN)
+        near = places[[max(place - 1, 0), min(place + 1, BETWEEN - 1)]]
+        ends.append(begins[panel] + widths[panel] * near)
+    low, high = np.array(ends).reshape(-1, 2).T
+    for _ in range(3 if quantities else 0):
+        t = np.linspace(low, high, BETWEEN_NODES)
+        there = replay.sample(t.ravel())
+        for i, quantity in enumerate(quantities):
+            values = np.abs(quantity(there)[found[i].wheel]).reshape(t.shape)[:, i]
+            k = int(np.argmax(values))
+            low[i], high[i] = t[max(k - 1, 0), i], t[min(k + 1, len(t) - 1), i]
+            if values[k] > found[i].value:
+                found[i] = Peak(float(values[k]), found[i].wheel, float(t[k, i]))
+    return found
+
+
+def _largest(values: np.ndarray) -> tuple[int, int]:
+    row, column = np.unravel_index(np.argmax(np.abs(values)), values.shape)
+    return int(row), int(column)
 
 
 def torque_rate_peak(samples: Samples) -> Peak:
@@ -81,7 +105,7 @@ def torque_rate_peak(samples: Samples) -> Peak:
     jumps = (torque[:, 1:, 0] - torque[:, :-1, -1]) / JUMP
     values = np.abs(np.concatenate([rates.reshape(wheels, -1), jumps], axis=1))
     moments = np.concatenate([times.ravel(), t[1:, 0]])
-    wheel, column = (int(i) for i in np.unravel_index(np.argmax(values), values.shape))
+    wheel, column = _largest(values)
     return Peak(float(values[wheel, column]), wheel, float(moments[column]))
 
 
@@ -104,8 +128,31 @@ def differentiation(nodes: np.ndarray) -> np.ndarray:
     return np.asarray(matrix)
 
 
-def excesses(task: Task, replay: Replay, samples: Samples) -> list[tuple[float, str]]:
-    """Relative excess over each limit of the task, with the sentence that names wheel, time, value and limit.
+@dataclass(frozen=True)
+class Loads:
+    """What the wheels bear along the true motion.
+
+    Args:
+        torque: [N m] largest.
+        wheel_speed: [rad/s] largest.
+        power: [W] largest.
+        excesses: of each limit, relative to it and 0 where it is held, with the sentence that names wheel, time, value
+            and limit.
+    """
+
+    torque: float
+    wheel_speed: float
+    power: float
+    excesses: tuple[tuple[float, str], ...]
+
+    @property
+    def largest_excess(self) -> tuple[float, str]:
+        """Of all limits."""
+        return max(self.excesses, default=(0.0, ""))
+
+
+def loads(task: Task, replay: Replay, samples: Samples) -> Loads:
+    """Largest loads and the excess over each limit of the task.
 
     Args:
         task: with its limits.
@@ -113,32 +160,51 @@ def excesses(task: Task, replay: Replay, samples: Samples) -> list[tuple[float, 
         samples: the same on quadrature nodes.
 
     Returns:
-        One pair for each limit; the excess is 0 where the limit is held.
+        All of them, between the nodes too.
     """
-    found = []
-    for quantity, limit, word, unit in _rules(task.limits):
-        most = peak(replay, samples, quantity)
-        over = np.any(np.abs(quantity(samples)) > limit, axis=0)
-        share = float(samples.weight[over].sum())
-        who = "platform" if len(quantity(samples)) == 1 else f"wheel {most.wheel + 1}"
-        some = "it" if who == "platform" else "some wheel"
-        sentence = (
-            f"{who} {word} needs {most.value:.4f}{unit} at t = {most.t:.3f} s; limit {limit:g}{unit} "
-            f"(exceeded by {most.value - limit:.4f}{unit}; {some} is over it for {share:.3g} s)"
-        )
-        found.append((max(most.value / limit - 1.0, 0.0), sentence))
+    rules = _rules(task.limits)
+    quantities = [_torque, _wheel_speed, _power, *(rule[0] for rule in rules if rule[0] not in _MEASURED)]
+    found = dict(zip(quantities, peaks(replay, samples, quantities), strict=True))
+    excesses = [_excess(samples, found[rule[0]], *rule) for rule in rules]
     if task.limits.torque_rate is not None:
-        found.append(_torque_rate_excess(task.limits.torque_rate, samples))
-    return found
+        excesses.append(_torque_rate_excess(task.limits.torque_rate, samples))
+    return Loads(found[_torque].value, found[_wheel_speed].value, found[_power].value, tuple(excesses))
+
+
+def _excess(samples: Samples, most: Peak, quantity: Quantity, limit: float, word: str, unit: str) -> tuple[float, str]:
+    values = np.abs(quantity(samples))
+    share = float(samples.weight[np.any(values > limit, axis=0)].sum())
+    who = "platform" if len(values) == 1 else f"wheel {most.wheel + 1}"
+    some = "it" if who == "platform" else "some wheel"
+    sentence = (
+        f"{who} {word} needs {most.value:.4f}{unit} at t = {most.t:.3f} s; limit {limit:g}{unit} "
+        f"(exceeded by {most.value - limit:.4f}{unit}; {some} is over it for {share:.3g} s)"
+    )
+    return max(most.value / limit - 1.0, 0.0), sentence
+
+
+def _torque(samples: Samples) -> np.ndarray:
+    return samples.torque
+
+
+def _wheel_speed(samples: Samples) -> np.ndarray:
+    return samples.wheel_rates
+
+
+def _power(samples: Samples) -> np.ndarray:
+    return samples.power
+
+
+_MEASURED = (_torque, _wheel_speed, _power)
 
 
 def _rules(limits: Limits) -> list[tuple[Quantity, float, str, str]]:
     """Quantity, limit, word and unit of each limit on a value at one time."""
     line = limits.torque_speed_line
     rules: list[tuple[Quantity, float | None, str, str]] = [
-        (lambda s: s.torque, limits.torque, "torque", " N m"),
-        (lambda s: s.wheel_rates, limits.wheel_speed, "speed", " rad/s"),
-        (lambda s: s.power, limits.wheel_power, "power", " W"),
+        (_torque, limits.torque, "torque", " N m"),
+        (_wheel_speed, limits.wheel_speed, "speed", " rad/s"),
+        (_power, limits.wheel_power, "power", " W"),
         (lambda s: np.hypot(s.state[3], s.state[4])[None], limits.platform_speed, "speed", " m/s"),
     ]
     if line is not None:

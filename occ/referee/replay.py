@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cache, partial
+from dataclasses import dataclass, fields
+from functools import cache, cached_property
 
 import casadi as ca
 import numpy as np
 
 from occ.control import Control, HeldControl
+from occ.integration import Settings, integrate
 from occ.model.coefficients import coefficients, packed_size, unpack
-from occ.model.dynamics import friction_time, state_rate
+from occ.model.dynamics import friction_time
 from occ.model.platform import Platform
-from occ.numeric import BufferedFunction, evaluate_many
+from occ.numeric import evaluate_many
 from occ.objectives import measure_function
+from occ.referee.drive import held, smooth
 from occ.trajectory import lagrange_basis
 
 LARGEST_STATE = 1e6
-LARGEST_RATE = 1e12
-"""A state, or its rate, beyond these (SI) or not a number is reported as unstable."""
+"""A state beyond this (SI) or not a number is reported as unstable."""
+PLACES = 49
+"""In each panel at which signs are looked at."""
+BISECTIONS = 28
+"""Of the brackets of sign changes."""
+ROUNDING = 1e-12
+"""Part of the largest power below which the sign of a power is rounding."""
 SAME_TIME = 1e-12
 """A sample this near to the end of the horizon, relative to it, is none."""
 
@@ -38,22 +44,6 @@ class ReplaySettings:
     tolerance: float = 1e-12
     nodes: int = 8
     longest_step: float = 1.5
-
-
-class ReplayError(Exception):
-    """The integration cannot be finished; carries the time [s] and the reason."""
-
-    def __init__(self, t: float, reason: str) -> None:
-        super().__init__(f"{reason} at t = {t:.6g} s")
-
-
-@cache
-def _forward(wheel_count: int) -> ca.Function:
-    """CasADi function (coefficients, state, torque) -> d(state)/dt."""
-    packed = ca.SX.sym("coefficients", packed_size(wheel_count))
-    state, torque = ca.SX.sym("state", 6), ca.SX.sym("torque", wheel_count)
-    acceleration = unpack(packed, wheel_count).acceleration(state[3:], torque)
-    return ca.Function("forward", [packed, state, torque], [ca.densify(state_rate(state[2], state[3:], acceleration))])
 
 
 @cache
@@ -77,7 +67,6 @@ class Samples:
         wheel_rates: (n, N) [rad/s].
         kinetic_energy: (N,) [J].
         dissipation: (N,) [W] pi'^T Z pi'.
-        integrands: (m, N) of all integral objectives, in the order of INTEGRALS.
         nodes: of each panel; N is a multiple of it.
     """
 
@@ -88,13 +77,49 @@ class Samples:
     wheel_rates: np.ndarray
     kinetic_energy: np.ndarray
     dissipation: np.ndarray
-    integrands: np.ndarray
     nodes: int
+
+    @cached_property
+    def _measured(self) -> list[np.ndarray]:
+        return evaluate_many(measure_function(len(self.torque)), self.torque, self.wheel_rates)
+
+    @property
+    def integrands(self) -> np.ndarray:
+        """(m, N) of all integral objectives, in the order of INTEGRALS."""
+        return self._measured[0]
+
+    @property
+    def kinks(self) -> np.ndarray:
+        """(k, N) What an integrand has a kink at the zeros of."""
+        return self._measured[1]
 
     @property
     def power(self) -> np.ndarray:
         """(n, N) [W] M_i phi_i'."""
         return self.torque * self.wheel_rates
+
+    def with_panels(self, replaced: np.ndarray, others: Samples) -> Samples:
+        """These samples with other panels in the place of some.
+
+        Args:
+            replaced: numbers of the panels that are left out.
+            others: panels that cover the same times.
+
+        Returns:
+            All of them in the order of their times.
+        """
+        count = self.nodes
+
+        def joined(mine: np.ndarray, theirs: np.ndarray) -> np.ndarray:
+            kept = np.delete(mine.reshape(*mine.shape[:-1], -1, count), replaced, axis=-2)
+            both = np.concatenate([kept, theirs.reshape(*theirs.shape[:-1], -1, count)], axis=-2)
+            return both[..., order, :].reshape(*mine.shape[:-1], -1)
+
+        begins = np.concatenate([np.delete(self.t[::count], replaced), others.t[::count]])
+        order = np.argsort(begins, kind="stable")
+        names = [item.name for item in fields(self) if item.name != "nodes"]
+        arrays = {name: joined(getattr(self, name), getattr(others, name)) for name in names}
+        return Samples(**arrays, nodes=count)
 
     def accumulated(self, t: np.ndarray) -> np.ndarray:
         """Integrals of the integrands from 0 to t, by their interpolation polynomials in each panel.
@@ -132,7 +157,7 @@ class Replay:
         sample_rate: [Hz] at which the control sees the state, its torques being held in between; None is always.
 
     Raises:
-        ReplayError: the state grows beyond any physical value, is not finite, or the integrator gives up.
+        IntegrationError: the state grows beyond any physical value, is not finite, or the integrator gives up.
 
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.5 and II.6 (DOP853, dense output).
     """
@@ -151,61 +176,21 @@ class Replay:
         knots = control.knots if sample_rate is None else np.arange(1, duration * sample_rate) / sample_rate
         inner = knots[(knots > 0.0) & (knots < duration * (1 - SAME_TIME))]
         self.edges = np.concatenate([[0.0], inner, [duration]])
-        self._longest_step = self.settings.longest_step * friction_time(platform)
-        self._pieces = []
-        state = np.asarray(start, dtype=float)
-        held = []
-        for begin, end in zip(self.edges[:-1], self.edges[1:], strict=True):
-            torque = control.segment(begin, end)
-            if sample_rate is not None:
-                held.append(np.array(torque(begin, state)))
-                torque = partial(_constant, held[-1])
-            piece, state = self._integrate(begin, end, state, torque)
-            self._pieces.append(piece)
-        if sample_rate is not None:
-            self.control = HeldControl(self.edges, np.column_stack(held))
-        self.end_state = state
-
-    def _integrate(
-        self, begin: float, end: float, state: np.ndarray, torque: Callable[[float, np.ndarray], np.ndarray]
-    ) -> tuple[Callable[..., np.ndarray], np.ndarray]:
-        from scipy.integrate import solve_ivp
-
-        forward = BufferedFunction(_forward(self.platform.wheel_count))
-        forward.inputs[0][:] = coefficients(self.platform)
-        _, state_in, torque_in = forward.inputs
-        (result,) = forward.outputs
-
-        def rate(t: float, x: np.ndarray) -> np.ndarray:
-            torque_in[:] = torque(t, x)
-            state_in[:] = x
-            forward()
-            if not (abs(result).max() < LARGEST_RATE and abs(x).max() < LARGEST_STATE):
-                raise ReplayError(t, "the motion leaves every physical range")
-            return result.copy()
-
-        outcome = solve_ivp(
-            rate,
-            (begin, end),
-            state,
-            method="DOP853",
-            dense_output=True,
-            rtol=self.settings.tolerance,
-            atol=self.settings.tolerance,
-            max_step=min(self._longest_step, self.duration / 40),
-        )
-        if outcome.status != 0:
-            raise ReplayError(float(outcome.t[-1]), "the step of the integrator shrinks to nothing")
-        return outcome.sol, outcome.y[:, -1]
+        torques = None
+        if sample_rate is None:
+            step, enter = smooth(platform, control, self.edges, self.settings.tolerance)
+        else:
+            step, enter, torques = held(platform, control, self.edges, self.settings.tolerance)
+        longest = min(self.settings.longest_step * friction_time(platform), duration / 40)
+        bounds = Settings(longest=longest, largest=np.full(6, LARGEST_STATE))
+        self._motion = integrate(step, self.edges, np.array(start, dtype=float), bounds, enter)
+        if torques is not None:
+            self.control = HeldControl(self.edges, np.column_stack(torques))
+        self.end_state = self._motion.last
 
     def at(self, t: np.ndarray) -> np.ndarray:
         """x (6, N) at the times t (N,) [s]."""
-        piece = np.clip(np.searchsorted(self.edges, t, side="right") - 1, 0, len(self._pieces) - 1)
-        state = np.empty((6, len(t)))
-        for k in np.unique(piece):
-            chosen = piece == k
-            state[:, chosen] = self._pieces[k](t[chosen])
-        return state
+        return self._motion(t)
 
     def sample(self, t: np.ndarray) -> Samples:
         """Motion, torques and energies at any times t (N,) [s]; the weights are zero."""
@@ -213,70 +198,70 @@ class Replay:
 
     def samples(self) -> Samples:
         """The motion on the nodes of a Gauss-Lobatto rule on every step, split where an integrand has a kink."""
-        first = self._quadrature(self._steps())
-        kinks = self._kinks(first)
-        crossings = self._crossings(first, kinks)
-        if not crossings.size:
+        edges = self._motion.edges
+        first = self._quadrature(edges[:-1], edges[1:])
+        panel, times = crossings(first)
+        if not times.size:
             return first
-        return self._quadrature(np.unique(np.concatenate([self._steps(), crossings])))
+        split = np.unique(panel)
+        breaks = np.unique(np.concatenate([edges[split], edges[split + 1], times]))
+        # Between two panels that are split there may be others.
+        inside = np.isin(np.searchsorted(edges, (breaks[:-1] + breaks[1:]) / 2) - 1, split)
+        return first.with_panels(split, self._quadrature(breaks[:-1][inside], breaks[1:][inside]))
 
-    def _steps(self) -> np.ndarray:
-        return np.unique(np.concatenate([piece.ts for piece in self._pieces]))  # type: ignore[attr-defined]
-
-    def _quadrature(self, breaks: np.ndarray) -> Samples:
+    def _quadrature(self, begin: np.ndarray, end: np.ndarray) -> Samples:
         nodes, weights = gauss_lobatto(self.settings.nodes)
-        h = np.diff(breaks)
-        t = (breaks[:-1, None] + h[:, None] * nodes).ravel()
-        # Every panel lies in one piece; its right end belongs to it and not to the next piece.
-        middle = (breaks[:-1] + breaks[1:]) / 2
-        piece = np.repeat(np.clip(np.searchsorted(self.edges, middle) - 1, 0, len(self._pieces) - 1), len(nodes))
-        state = np.empty((6, len(t)))
-        torque = np.empty((self.platform.wheel_count, len(t)))
-        for k in np.unique(piece):
-            chosen = piece == k
-            state[:, chosen] = self._pieces[k](t[chosen])
-            torque[:, chosen] = self._torque_on(k, t[chosen], state[:, chosen])
+        h = end - begin
+        t = (begin[:, None] + h[:, None] * nodes).ravel()
+        # Every panel lies in one piece: its right end belongs to it and not to the next piece, whose torques it would
+        # take otherwise.
+        piece = np.clip(np.searchsorted(self.edges, (begin + end) / 2) - 1, 0, len(self.edges) - 2)
+        inside = np.nextafter(self.edges[1:], self.edges[:-1])
+        inside[-1] = self.duration
+        state = self.at(t)
+        torque = self.control.torque(np.minimum(t, np.repeat(inside[piece], len(nodes))), state)
         return self._evaluate(t, (h[:, None] * weights).ravel(), state, len(nodes), torque)
-
-    def _torque_on(self, k: int, t: np.ndarray, state: np.ndarray) -> np.ndarray:
-        """Torques inside piece k: its right end is moved inwards by one rounding unit, so that the piece's own signal
-        is taken."""
-        inside = np.nextafter(self.edges[k + 1], self.edges[k]) if k + 2 < len(self.edges) else self.edges[k + 1]
-        return self.control.torque(np.minimum(t, inside), state)
 
     def _evaluate(
         self, t: np.ndarray, weight: np.ndarray, state: np.ndarray, nodes: int, torque: np.ndarray | None = None
     ) -> Samples:
-        wheels = self.platform.wheel_count
         if torque is None:
             torque = self.control.torque(t, state)
         packed = coefficients(self.platform)
-        kinetic, dissipation, rates = evaluate_many(_energies(wheels), packed, state, shared=(0,))
-        integrands, _ = evaluate_many(measure_function(wheels), torque, rates)
-        return Samples(t, weight, state, torque, rates, kinetic[0], dissipation[0], integrands, nodes)
-
-    def _kinks(self, samples: Samples) -> np.ndarray:
-        return evaluate_many(measure_function(self.platform.wheel_count), samples.torque, samples.wheel_rates)[1]
-
-    def _crossings(self, samples: Samples, kinks: np.ndarray) -> np.ndarray:
-        """(K,) [s] Times at which a kink expression changes its sign, all brackets at once."""
-        from scipy.optimize.elementwise import find_root
-
-        same_panel = np.arange(len(samples.t) - 1) % samples.nodes != samples.nodes - 1
-        row, column = np.nonzero((kinks[:, :-1] * kinks[:, 1:] < 0) & same_panel)
-        if not row.size:
-            return np.array([])
-
-        def kink(t: np.ndarray, which: np.ndarray) -> np.ndarray:
-            values = self._kinks(self.sample(t.ravel()))
-            return values[which.ravel(), np.arange(t.size)].reshape(t.shape)
-
-        result = find_root(kink, (samples.t[column], samples.t[column + 1]), args=(row,))
-        return np.asarray(result.x[result.success])
+        kinetic, dissipation, rates = evaluate_many(_energies(self.platform.wheel_count), packed, state, shared=(0,))
+        return Samples(t, weight, state, torque, rates, kinetic[0], dissipation[0], nodes)
 
 
-def _constant(torque: np.ndarray, t: float, state: np.ndarray) -> np.ndarray:
-    return torque
+def crossings(samples: Samples) -> tuple[np.ndarray, np.ndarray]:
+    """Where a kink's expression changes its sign, by its polynomial on the panel's nodes.
+
+    An integrand with a kink that is missed by d is integrated wrongly by the order of d^2, so that the polynomial is
+    near enough by far.
+
+    Args:
+        samples: on whole panels.
+
+    Returns:
+        (K,) panels and (K,) [s] times inside them.
+    """
+    count = samples.nodes
+    nodes = 2 * gauss_lobatto(count)[0] - 1
+    to_powers = np.linalg.inv(np.vander(nodes, increasing=True)).T
+    places = np.linspace(-1.0, 1.0, PLACES)
+    kinks = samples.kinks.reshape(len(samples.kinks), -1, count)
+    powers = kinks @ to_powers
+    between = powers @ np.vander(places, count, increasing=True).T
+    # What is zero but for rounding has no sign.
+    small = np.abs(kinks).max(axis=2) < ROUNDING * np.abs(kinks).max(initial=0.0)
+    row, panel, place = np.nonzero((between[:, :, :-1] * between[:, :, 1:] < 0) & ~small[:, :, None])
+    own = powers[row, panel].T
+    low, high, rising = places[place], places[place + 1], between[row, panel, place] < 0
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        after = (np.polynomial.polynomial.polyval(middle, own, tensor=False) < 0) != rising
+        low, high = np.where(after, low, middle), np.where(after, middle, high)
+    t = samples.t.reshape(-1, count)[panel]
+    return panel, t[:, 0] + (t[:, -1] - t[:, 0]) * (1 + (low + high) / 2) / 2
 
 
 @cache

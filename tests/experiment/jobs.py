@@ -5,6 +5,7 @@ Processes of the engines import this module.
 
 from __future__ import annotations
 
+import gc
 import math
 import os
 import signal
@@ -13,7 +14,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
+from occ.atlas.comparison import Comparison, compare
 from occ.errors import InputError
 
 
@@ -58,6 +61,14 @@ def matrix_sums(seed: int) -> list[str]:
     """Numbers whose last bits depend on the order of sums in linear algebra."""
     a = np.random.default_rng(seed).normal(size=(300, 300))
     return [value.hex() for value in (float((a @ a).sum()), float(np.linalg.solve(a, a[0]).sum()), math.sin(seed))]
+
+
+def resident_after(item: Comparison) -> int:
+    """[bytes] Memory of this process after one more comparison."""
+    rows = compare(item)
+    assert all(row["status"] == "ok" for row in rows)
+    gc.collect()
+    return int(psutil.Process().memory_info().rss)
 
 
 def touch_and_wait(folder: Path) -> str:

@@ -7,8 +7,9 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from occ.control import PythonControl
+from occ.integration import IntegrationError
 from occ.model.presets import youbot
-from occ.referee.replay import Replay, ReplayError, ReplaySettings, gauss_lobatto
+from occ.referee.replay import Replay, ReplaySettings, gauss_lobatto
 
 
 @pytest.mark.parametrize("count", [2, 3, 5, 8, 12])
@@ -91,9 +92,9 @@ class TestFailure:
     """A motion that cannot be followed is said so, with the time."""
 
     def test_a_torque_that_blows_up(self) -> None:
-        with pytest.raises(ReplayError, match=r"t = 0\.[5-9]\d* s"):
+        with pytest.raises(IntegrationError, match=r"t = 0\.[5-9]\d* s"):
             Replay(youbot(), PythonControl(lambda t, x: np.full(4, 1.0 if t < 0.5 else np.inf)), np.zeros(6), 1.0)
 
     def test_an_unstable_feedback(self) -> None:
-        with pytest.raises(ReplayError, match="physical range"):
+        with pytest.raises(IntegrationError, match="physical range"):
             Replay(youbot(), PythonControl(lambda t, x: np.full(4, 1e3 * x[3] + 1.0)), np.zeros(6), 50.0)
