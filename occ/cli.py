@@ -155,7 +155,7 @@ def atlas(
 
     Exit codes: 0 all points have their values; 1 some have not, failures.csv says which and why; 2 bad input.
     """
-    from occ.atlas.dataset import atlas_dataset, write_atlas, write_failures
+    from occ.atlas.dataset import open_atlas, write_atlas, write_failures
     from occ.atlas.grid import load_grid
     from occ.atlas.run import make_atlas
     from occ.experiment.pool import Engine
@@ -167,11 +167,12 @@ def atlas(
     folder = out or Path("reports") / experiment.stem
     with progress_of(grid.size) as progress:
         found = make_atlas(experiment, grid, folder, engine, progress)
-        dataset = atlas_dataset(grid, found)
-        write_atlas(dataset, folder)
+        write_atlas(grid, found, folder)
         failures = write_failures(grid, found, folder)
-        write_atlas_report(folder, write_maps(folder), failures)
-    for table in atlas_tables(dataset):
+        with open_atlas(folder) as data:
+            tables = atlas_tables(data)
+            write_atlas_report(data, folder, tables, write_maps(data, folder), failures)
+    for table in tables:
         _print_table(table)
         typer.echo()
     typer.echo(f"Arrays, maps and report are in {folder}{os.sep}")
@@ -197,6 +198,9 @@ def circle(
     experiment: File,
     settings: Settings = [],
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")] = False,
+    certify: Annotated[
+        bool, typer.Option("--certify", help="Prove the least means of the long run, too, which takes seconds.")
+    ] = False,
     allow_code: AllowCode = False,
 ) -> None:
     """Tell what the platform will do on a circle: regime, steady rotations, periods, wheels.
@@ -209,6 +213,10 @@ def circle(
 
     task = circle_task(experiment, settings, allow_code)
     summary = circle_summary(task)
+    if certify:
+        from occ.certify.endless import endless_section
+
+        summary |= endless_section(task)
     typer.echo(circle_json(summary) if as_json else "\n".join(circle_lines(task, summary)))
 
 

@@ -14,7 +14,7 @@ import occ
 ROOT = Path(occ.__file__).parent
 LAYERS = (
     ("errors", "checks", "numeric", "templates"),
-    ("model", "motion", "trajectory"),
+    ("model", "motion", "trajectory", "integration"),
     ("control", "plant", "task"),
     ("objectives", "allocation"),
     ("laws", "optimal", "referee", "theory"),

@@ -53,7 +53,7 @@ def box_torque(k: Coefficients, wrench: ca.SX, limit: ca.SX) -> ca.SX:
     Raises:
         InputError: more than four wheels.
 
-    Source: `occ.allocation.closed_form.allocate`, which this repeats as an expression.
+    Source: `occ.allocation.closed_form.solve`, which this repeats as an expression.
     """
     torque, null = k.min_norm @ wrench, null_torque(k)
     ranges = []

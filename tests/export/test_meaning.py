@@ -9,7 +9,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from occ.allocation import closed_form, platform_input_map
+from occ.allocation import allocate, platform_input_map
 from occ.export.numbers import PlatformNumbers
 from occ.export.program import Program
 from occ.export.routine import Module, Routine
@@ -195,7 +195,7 @@ def test_allocation_is_that_of_the_room(platform: str) -> None:
     box, peak = modules_of("box_torque", "least_peak_torque", platform=platform)
     wrench = np.random.default_rng(3).uniform(-1, 1, (3, 400)) * np.array([[90.0], [90.0], [30.0]])
     limit = 1.2 if platform == "youbot" else 2.0
-    found = closed_form.allocate(wheels, wrench, limit)
+    found = allocate(wheels, wrench, limit)
     assert 50 < found.reachable.sum() < 350
     torque = functions_of(box)["occ_box_torque"](wrench, limit)
     assert torque[:, found.reachable] == pytest.approx(found.torque[:, found.reachable], rel=1e-12, abs=1e-12)
