@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from itertools import islice
 from typing import Literal
 
 import flint
@@ -39,7 +40,7 @@ GRAIN = 1e-9
 MOST_TURNS = 1024
 """Ends further away are left to the floors."""
 
-Construction = Literal["ways", "curve"]
+Construction = Literal["any", "ways", "curve"]
 
 
 @dataclass(frozen=True)
@@ -137,14 +138,14 @@ def check(task: Task, proof: Proof | None, claim: float | None = None, ends: End
 
 
 def certify_work(
-    task: Task, ends: Ends = FREE, construction: Construction = "ways", budget: float = 30.0
+    task: Task, ends: Ends = FREE, construction: Construction = "any", budget: float = 30.0
 ) -> Certificate:
     """Find and check a proof of a lower bound of the work.
 
     Args:
         task: on a circle.
         ends: class of starts and ends.
-        construction: ``ways``; ``curve`` for a free end only.
+        construction: ``ways``; ``curve`` for a free end only; ``any`` begins with the curve there, the closer one.
         budget: [s] of the processor's time after which no further proof is looked for.
 
     Returns:
@@ -213,10 +214,12 @@ class _Ground:
             yield search(self.given, target, deadline)
         else:
             yield None
-            if construction == "curve":
-                yield from _curves(self.task, self.enclosed, least)
-            else:
+            curves = _curves(self.task, self.enclosed, least) if construction != "ways" else iter(())
+            # Where the first curve fails the others mostly do, too.
+            yield from islice(curves, 1)
+            if construction != "curve":
                 yield self._ways(target, deadline)
+            yield from curves
 
     def _ways(self, target: float, deadline: float) -> WaysProof | Refused:
         try:

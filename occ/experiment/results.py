@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 from occ.errors import InputError, Status
 from occ.experiment.bounds import BOUND_COLUMNS, bound_columns, local_bounds
 from occ.experiment.case import Case
+from occ.experiment.for_ever import for_ever
 from occ.experiment.load import Experiment
 from occ.experiment.naming import slug
 from occ.experiment.proven import proven_bounds
@@ -137,18 +138,20 @@ def assemble(experiment: Experiment, outcomes: Sequence[Sequence[Row]], started:
         "started": started,
         "versions": {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES},
         "cases": {
-            case.name: _case_record(case, outcome) for case, outcome in zip(experiment.cases, outcomes, strict=True)
+            case.name: _case_record(case, outcome, certify=certify)
+            for case, outcome in zip(experiment.cases, outcomes, strict=True)
         },
     }
     return Results(columns, tuple({name: row[name] for name in columns} for row in rows), record)
 
 
-def _case_record(case: Case, outcome: Sequence[Row]) -> dict[str, Any]:
+def _case_record(case: Case, outcome: Sequence[Row], *, certify: bool) -> dict[str, Any]:
     return {
         "slug": slug(case.name),
         "key": case.key,
         "swept": case.swept,
         "tables": dict(case.tables),
+        "for_ever": for_ever(case, certify=certify),
         **({"own_code": case.own_code} if case.own_code else {}),
         "controllers": {
             row["controller"]: {name: row[name] for name in ("statistics", "solve_time_s", "judge_time_s")}

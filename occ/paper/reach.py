@@ -60,7 +60,7 @@ def reach(quantity: ca.SX, u: ca.SX) -> Reach:
         first = int(np.argmin(values))
         ends.append(sign * values[first])
         gradient = sign * np.array(slope(candidates[first])).ravel() / scale
-        # What a first-order model could still gain inside the box (the Frank-Wolfe gap): zero at stationary points only.
+        # What a first-order model could still gain inside the box (Frank-Wolfe gap): zero if stationary.
         gain = np.maximum(gradient * (candidates[first] + 1), gradient * (candidates[first] - 1)).sum()
         stationary &= bool(gain <= STATIONARY)
     return Reach(float(value(middle)), ends[0], ends[1], stationary)

@@ -42,7 +42,27 @@ def answer(stored: Stored) -> list[str]:
             lines += [_case_answer(stored, case, item, law) for case in stored.cases]
         else:
             lines.append(_sweep_answer(stored, item, law))
-    return lines
+    return [*lines, *_for_ever(stored)]
+
+
+def _for_ever(stored: Stored) -> list[str]:
+    """A sentence for each circle of which the record of the run knows the long run; none where there are many."""
+    cases: dict[tuple[Any, ...], list[str]] = {}
+    for case in stored.cases:
+        found = stored.runs.get(case, {}).get("for_ever") or {}
+        law, least = found.get("law_mean_power_W"), found.get("least_mean_power_W")
+        if law is not None and least:
+            cases.setdefault((law, least, found["least_mean_power_kind"], found["long_run_gap_percent"]), []).append(
+                case
+            )
+    if len(cases) > MOST_CASES_APART or not any(item.name == "work" for item in stored.objectives):
+        return []
+    return [
+        f"For ever{' in ' + markdown_text('; '.join(names)) if len(cases) > 1 else ''}: a servo law settles at a mean "
+        f"power of {amount(law)} W, and no rotation strategy needs less than {amount(least)} W (*{kind}*); the law is "
+        f"{gap(percent)} % above that."
+        for (law, least, kind, percent), names in cases.items()
+    ]
 
 
 def _case_answer(stored: Stored, case: str, item: Objective, law: str) -> str:

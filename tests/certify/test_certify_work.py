@@ -104,7 +104,7 @@ def test_lowest_power_is_enclosed_from_below_to_rounding() -> None:
 @cache
 def lap() -> tuple[Task, Certificate]:
     task = paper_task()
-    return task, certify_work(task)
+    return task, certify_work(task, construction="ways")
 
 
 def test_bracket_of_one_lap_closes() -> None:
@@ -128,6 +128,12 @@ def test_bracket_of_one_lap_closes_along_a_curve() -> None:
     assert certificate.word == "certified"
     assert isinstance(certificate.proof, CurveProof)
     assert 200.327119033710 * (1 - 1e-6) < certificate.lower <= 200.327119033711
+
+
+def test_the_closer_proof_is_tried_first() -> None:
+    certificate = certify_work(paper_task(30.0))
+    assert isinstance(certificate.proof, CurveProof)
+    assert 377.321044772185 * (1 - 1e-7) < certificate.lower <= 377.321044772186
 
 
 @pytest.mark.slow

@@ -226,3 +226,23 @@ def test_a_broken_record_of_the_run_is_refused(tmp_path: Path, content: str) -> 
     (folder / "run.json").write_text(content)
     with pytest.raises(InputError, match="run"):
         load(folder)
+
+
+def test_the_long_run_is_told_once_for_each_circle(tmp_path: Path) -> None:
+    cases = {"one": (12.5, 12.0), "two": (12.5, 12.0), "three": (14.0, 12.0)}
+    store(tmp_path, [row("law", case=case) for case in cases])
+    record = json.loads((tmp_path / "run.json").read_text())
+    for case, (law, least) in cases.items():
+        record["cases"][case]["for_ever"] = {
+            "law_mean_power_W": law,
+            "least_mean_power_W": least,
+            "least_mean_power_kind": "certified",
+            "long_run_gap_percent": 100 * (law - least) / least,
+        }
+    (tmp_path / "run.json").write_text(json.dumps(record))
+    told = [line for line in report(tmp_path).splitlines() if line.startswith("- For ever")]
+    assert len(told) == 2
+    for words, line in (("one; two", told[0]), ("*certified*", told[0]), ("4.167 % above", told[0])):
+        assert words in line
+    for words in ("in three:", "16.67 % above"):
+        assert words in told[1]
