@@ -52,16 +52,16 @@ def _for_ever(stored: Stored) -> list[str]:
         found = stored.runs.get(case, {}).get("for_ever") or {}
         law, least = found.get("law_mean_power_W"), found.get("least_mean_power_W")
         if law is not None and least:
-            cases.setdefault((law, least, found["least_mean_power_kind"], found["long_run_gap_percent"]), []).append(
-                case
-            )
+            aside = ", limits of the wheels left aside" if stored.runs[case].get("tables", {}).get("limits") else ""
+            key = law, least, found["least_mean_power_kind"], found["long_run_gap_percent"], aside
+            cases.setdefault(key, []).append(case)
     if len(cases) > MOST_CASES_APART or not any(item.name == "work" for item in stored.objectives):
         return []
     return [
-        f"For ever{' in ' + markdown_text('; '.join(names)) if len(cases) > 1 else ''}: a servo law settles at a mean "
-        f"power of {amount(law)} W, and no rotation strategy needs less than {amount(least)} W (*{kind}*); the law is "
-        f"{gap(percent)} % above that."
-        for (law, least, kind, percent), names in cases.items()
+        f"For ever{' in ' + markdown_text('; '.join(names)) if len(cases) > 1 else ''}{aside}: a servo law settles at "
+        f"a mean power of {amount(law)} W, and no rotation strategy needs less than {amount(least)} W (*{kind}*); the "
+        f"law is {gap(percent)} % above that."
+        for (law, least, kind, percent, aside), names in cases.items()
     ]
 
 
