@@ -69,6 +69,8 @@ def check_mean_power(task: Task, claim: float) -> float:
     """
     with flint.ctx.workprec(BITS):
         enclosed = enclose(task)
+        if not enclosed.friction > 0:
+            raise Refused("without friction nothing is paid for a way")
         lengths = Lengths(enclosed, CELLS)
         level = max(-claim, -lengths.lowest)
         if -level < claim - ROUNDED * abs(claim):
