@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import NamedTuple
@@ -16,7 +17,7 @@ PROOF = 1e-9
 """Slopes and torques at the end may be wrong by this, relative to the largest one."""
 FLAT = 1e-10
 """A direction of the unit null torques with less curvature than this has none."""
-WIDER = (1e-7, 1e-9, 1e-11, 1e-5)
+WIDER = (1e-7, 1e-9, 1e-11, 1e-5, 1e-8, 1e-10, 1e-12, 1e-13, 0.0)
 """Corners move apart by this part of the torques, so that no two wheels meet theirs at once; tried in this order."""
 MOST_STEPS = 300
 
@@ -57,7 +58,7 @@ class _Place(NamedTuple):
     takes: np.ndarray
 
 
-def least_power(powers: Powers, null: np.ndarray, start: np.ndarray, slack: float) -> np.ndarray:
+def least_powers(powers: Powers, null: np.ndarray, start: np.ndarray, slack: float) -> Iterator[np.ndarray]:
     """min f(M), M = start + null nu; of several best torques the one of least norm.
 
     Args:
@@ -66,8 +67,9 @@ def least_power(powers: Powers, null: np.ndarray, start: np.ndarray, slack: floa
         start: (n,) [N m] torques within the limits, up to rounding.
         slack: [N m] twice this is rounding.
 
-    Returns:
-        (n,) [N m]; NaN where the conditions of a minimum could not be met.
+    Yields:
+        (n,) [N m] torques that should be the best ones, by other corners each time; for the caller to prove.  The last
+        is the start, which is next to the only torque where limits leave hardly any other.
 
     Source: Fletcher, Practical Methods of Optimization, 10.3 (active sets), 14 (corners of composite functions).
     """
@@ -82,8 +84,8 @@ def least_power(powers: Powers, null: np.ndarray, start: np.ndarray, slack: floa
             if _leaving(powers, null, place, PROOF) is None:
                 torque = _least_norm(powers, null, place, near)
                 if np.isfinite(torque).all():
-                    return torque
-    return np.full(len(start), np.nan)
+                    yield torque
+    yield start
 
 
 def _descend(powers: Powers, null: np.ndarray, start: np.ndarray) -> _Place | None:

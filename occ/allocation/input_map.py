@@ -14,7 +14,7 @@ from occ.model.coefficients import coefficients, unpack
 from occ.model.platform import Platform
 
 PARALLEL = 1e-12
-"""Two rows of the input map whose unit vectors have a cross product below this are taken for parallel."""
+"""Two rows of the input map whose unit vectors have a least singular value below this are taken for parallel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,12 +93,13 @@ def platform_input_map(platform: Platform) -> InputMap:
 def _facets(rates: np.ndarray) -> np.ndarray:
     # The third column is a length times the others: without this the cross products mix units.
     scaled = rates / np.abs(rates).max(axis=0)
+    units = scaled / np.maximum(np.linalg.norm(scaled, axis=1, keepdims=True), 1e-300)
     rows = []
     for i, j in combinations(range(len(rates)), 2):
-        normal = np.cross(scaled[i], scaled[j])
-        if np.linalg.norm(normal) > PARALLEL * np.linalg.norm(scaled[i]) * np.linalg.norm(scaled[j]):
-            y = scaled @ normal
-            y[[i, j]] = 0.0
-            if np.abs(y).sum() > PARALLEL * np.linalg.norm(normal):
-                rows.append(y / np.abs(y).sum())
+        # Of nearly parallel wheels a cross product is small, and not normal to them up to its own rounding.
+        _, (_, least), normals = np.linalg.svd(units[[i, j]])
+        y = scaled @ normals[2]
+        y[[i, j]] = 0.0
+        if least > PARALLEL and np.abs(y).sum() > PARALLEL:
+            rows.append(y / np.abs(y).sum())
     return np.array(rows)

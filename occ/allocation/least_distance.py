@@ -6,6 +6,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+ROUNDING = 1e-14
+"""An inequality that is violated by less than this part of its terms is satisfied."""
+DEPENDENT = 1e-13
+"""A unit normal that leaves the span of the active ones by less than this lies in it."""
+MOST_STEPS = 20
+"""Inequalities that become active, for each one that there is; a few in all are usual."""
+
 
 class Nearest(NamedTuple):
     """A point and its multipliers.
@@ -19,37 +26,77 @@ class Nearest(NamedTuple):
     multipliers: np.ndarray
 
 
+class _Corner(NamedTuple):
+    """The nearest point x (d,) of the active inequalities with their multipliers u; x is None where there is none."""
+
+    x: np.ndarray | None
+    active: list[int]
+    u: np.ndarray
+
+
 def least_distance(normals: np.ndarray, offsets: np.ndarray) -> Nearest:
-    """min |x| subject to A x <= b, as a least-squares problem with unknowns that are not negative.
+    """min |x| subject to A x <= b by a dual active set: from x = 0 on, the most violated inequality becomes active.
+
+    Each x is the nearest point of the active inequalities, and these are met up to rounding however nearly parallel
+    they are.  (Least squares for the multipliers alone would lose as many digits as the multipliers are long.)
 
     Args:
         normals: A (h, d).
         offsets: b (h,).
 
     Returns:
-        Point and multipliers, exact up to rounding: an active set that is finally solved for once more.
+        Point and multipliers, exact up to rounding.
 
-    Source: Lawson and Hanson, Solving Least Squares Problems, chapter 23, problem LDP.
+    Source: Goldfarb and Idnani, A numerically stable dual method for solving strictly convex quadratic programs,
+    Math. Programming 27 (1983).
     """
-    from scipy.optimize import nnls
-
-    violation = float(-offsets.min(initial=0.0))
-    if violation <= 0:
-        return Nearest(np.zeros(normals.shape[1]), np.zeros(len(offsets)))
-    size = np.linalg.norm(normals, axis=1)
-    size = np.where(size > 0, size, 1.0)
+    size = np.sqrt((normals * normals).sum(axis=1))
+    size[size == 0] = 1.0
     rows, right = normals / size[:, None], offsets / size
-    unit = float(-right.min())
-    system = np.vstack([-rows.T, -right / unit])
-    goal = np.zeros(len(system))
-    goal[-1] = 1.0
-    u, rest = nnls(system, goal, maxiter=50 * len(offsets))
-    if rest < 1e-9:
-        return Nearest(None, u / size)
-    # |residual|^2 is what is left of the last equation.
-    u *= unit / rest**2
-    active = u > 0
-    x = np.linalg.lstsq(rows[active], right[active], rcond=1e-12)[0]
-    if np.abs(rows[active] @ x - right[active]).max(initial=0.0) > 1e-9 * unit:
-        x = -rows.T @ u
-    return Nearest(x, u / size)
+    x, corner = np.zeros(normals.shape[1]), _Corner(None, [], np.zeros(0))
+    for _ in range(MOST_STEPS * len(right) + 1):
+        room = right - rows @ x + ROUNDING * (np.abs(right) + np.abs(x).max(initial=0.0))
+        if room.min(initial=0.0) >= 0:
+            return Nearest(x, _spread(corner, size))
+        corner = _enter(int(room.argmin()), rows, right, x, corner)
+        if corner.x is None:
+            return Nearest(None, _spread(corner, size))
+        x = corner.x
+    # Rounding goes round in circles: no point is known, and nothing is proven.
+    return Nearest(None, np.zeros(len(right)))
+
+
+def _enter(new: int, rows: np.ndarray, right: np.ndarray, x: np.ndarray, corner: _Corner) -> _Corner:
+    """One more inequality becomes active; others that would need a negative multiplier leave on the way."""
+    normal, own = rows[new], 0.0
+    _, active, u = corner
+    while True:
+        q, r = np.linalg.qr(rows[active].T)
+        # normal = N share + z, z normal to the active N; the second projection restores what rounding took.
+        part = q.T @ normal
+        z = normal - q @ part
+        again = q.T @ z
+        z -= q @ again
+        share = np.linalg.solve(r, part + again)
+        length = float(z @ z)
+        full = float(normal @ x - right[new]) / length if length > DEPENDENT**2 else np.inf
+        leaves = np.divide(u, share, out=np.full(len(u), np.inf), where=share > 0)
+        step = min(full, leaves.min(initial=np.inf))
+        if step == np.inf:
+            return _Corner(None, [*active, new], np.append(-share, 1.0))
+        u, own = u - step * share, own + step
+        if full < np.inf:
+            x = x - step * z
+        if step == full:
+            active, u = [*active, new], np.append(u, own)
+            q, r = np.linalg.qr(rows[active].T)
+            return _Corner(q @ np.linalg.solve(r.T, right[active]), active, u)
+        first = int(leaves.argmin())
+        active, u = active[:first] + active[first + 1 :], np.delete(u, first)
+
+
+def _spread(corner: _Corner, size: np.ndarray) -> np.ndarray:
+    """(h,) Multipliers of all inequalities, whose normals were divided by their size (h,)."""
+    multipliers = np.zeros(len(size))
+    multipliers[corner.active] = corner.u
+    return multipliers / size

@@ -8,6 +8,9 @@ from occ.allocation.input_map import PARALLEL, InputMap
 from occ.allocation.least_distance import least_distance
 from occ.allocation.reach import tolerance
 
+WIDER = (0.0, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1, 1.0, 2.0)
+"""Limits are widened by the least such part of what counts as rounding that leaves a torque."""
+
 
 def least_norms(
     wheels: InputMap, torque: np.ndarray, lower: np.ndarray, upper: np.ndarray, weight: np.ndarray | None = None
@@ -60,8 +63,8 @@ def least_norm(
         return np.full(len(torque), np.nan)
     normals, offsets = np.vstack([step[moved], -step[moved]]), room[:, moved].ravel()
     # At the border of reach a range may be empty by rounding.
-    for wider in (0.0, 1e-4 * slack, 2 * slack):
-        found = least_distance(normals, offsets + wider)
+    for part in WIDER:
+        found = least_distance(normals, offsets + part * slack)
         if found.x is not None:
             return best + step @ found.x
     return np.full(len(torque), np.nan)

@@ -52,7 +52,10 @@ def _translation_first(wheels: InputMap, wrench: np.ndarray, ranges: TorqueRange
     normals, offsets = shadow(wheels).halfspaces(ranges)
     force = wrench[:2] + _nearest(normals, offsets - normals @ wrench[:2])
     normals, offsets = zonotope(wheels).halfspaces(ranges)
-    left, slope = offsets - normals[:, :2] @ force, normals[:, 2:]
+    # What a facet that hardly sees the moment leaves of it would be rounding, divided by next to nothing.
+    used = normals[:, :2] @ force
+    left = offsets - used + 1e2 * ROUNDING * (np.abs(offsets) + np.abs(used))
+    slope = normals[:, 2:]
     # A facet along the moment says nothing of it.
     slope = np.where(np.abs(slope) > PARALLEL * np.abs(slope).max(), slope, 0.0)
     ends = np.divide(left, slope, out=np.full(left.shape, np.inf), where=slope != 0)

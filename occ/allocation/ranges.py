@@ -33,9 +33,9 @@ class TorqueRange:
             return self
         return TorqueRange(self.lower[:, which], self.upper[:, which])
 
-    def side(self, torque: np.ndarray) -> np.ndarray:
+    def side(self, torque: np.ndarray, near: float = AT_LIMIT) -> np.ndarray:
         """(n, N) 1 where a torque (n, N) is at its upper limit, -1 at its lower one, 0 between them."""
-        near = AT_LIMIT * np.minimum(
+        near = near * np.minimum(
             self.upper - self.lower, np.abs(torque) + self.upper.clip(0) - self.lower.clip(None, 0)
         )
         return (torque >= self.upper - near).astype(int) - (torque <= self.lower + near).astype(int)
@@ -43,6 +43,14 @@ class TorqueRange:
     def excess(self, torque: np.ndarray) -> np.ndarray:
         """(N,) [N m] by how much the worst wheel's torque (n, N) leaves its range; 0 where none does."""
         return np.asarray(np.maximum(torque - self.upper, self.lower - torque).max(axis=0).clip(0.0))
+
+    def holding(self, torque: np.ndarray) -> TorqueRange:
+        """The ranges widened by what torques (n, N) exceed them.
+
+        Where limits nearly contradict each other the best value depends on them far more than in proportion, and what
+        rounding moves a limit by would be taken for a better or a worse torque.
+        """
+        return TorqueRange(np.minimum(self.lower, torque), np.maximum(self.upper, torque))
 
 
 def box(limit: float, wheel_count: int) -> TorqueRange:

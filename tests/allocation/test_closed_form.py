@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from occ.allocation import (
@@ -24,7 +26,7 @@ from occ.allocation.ranges import box
 from occ.allocation.reach import zonotope
 from occ.allocation.residuals import certified, proven_excess
 from occ.allocation.result import question
-from occ.model.platform import Platform
+from occ.model.platform import Platform, Wheel
 from tests.allocation import wrenches
 from tests.allocation.wrenches import (
     by_vertices,
@@ -33,6 +35,7 @@ from tests.allocation.wrenches import (
     random_ranges,
     random_rates,
     random_wrenches,
+    skewed_map,
     youbot_map,
 )
 from tests.strategies import reals, wheeled_platforms
@@ -40,10 +43,17 @@ from tests.strategies import reals, wheeled_platforms
 CRITERIA = [*wrenches.CRITERIA, pytest.param(ElectricPower(1e-3), id="almost lossless")]
 
 
-def skewed_map() -> InputMap:
-    """Four wheels whose null torque moves them by different amounts."""
-    rows = np.random.default_rng(3).normal(size=(4, 3)) * [20.0, 20.0, 6.0]
-    return input_map(rows)
+def nearly_parallel(count: int, angle: float) -> Platform:
+    """Three wheels around the platform, and others in one place that differ by an angle [rad]."""
+
+    def wheel(x: float, y: float, axis: float) -> Wheel:
+        without = {"mass": 0.0, "spin_inertia": 0.0, "friction": 0.0, "roller_friction": 0.0}
+        place = {"position": (x, y), "mounting_angle": axis, "roller_angle": 0.0}
+        return Wheel(**place, radius=0.05, roller_radius=0.01, **without)
+
+    around = [wheel(0.5 * math.cos(a), 0.5 * math.sin(a), a + math.pi / 2) for a in 2 * math.pi / 3 * np.arange(3)]
+    together = [wheel(0.1, -0.2, 1.0 + i * angle) for i in range(count - 3)]
+    return Platform(mass=10.0, mass_center=(0.0, 0.0), yaw_inertia=3.0, wheels=(*around, *together))
 
 
 class TestBruteForce:
@@ -258,16 +268,20 @@ class TestManyWheels:
         assert np.array_equal(one.reachable, other.reachable)
         np.testing.assert_allclose(one.torque, other.torque, atol=1e-8)
 
-    # Always the same examples: of others, one nearly degenerate wheel set was seen to keep a residual of 7.5e-8.
-    @settings(max_examples=10, derandomize=True)
+    @settings(max_examples=8)
     @given(platform=wheeled_platforms(5, 7), seed=st.integers(0, 1000))
+    # Of nearly parallel wheels the best torques lie at a corner that is as sharp as their angle.
+    @example(platform=nearly_parallel(5, 1e-9), seed=6)
+    @example(platform=nearly_parallel(6, 1e-10), seed=3)
+    @example(platform=nearly_parallel(6, 1e-8), seed=8)
     def test_any_wheels_are_certified(self, platform: Platform, seed: int) -> None:
         wheels = platform_input_map(platform)
         wrench = random_wrenches(wheels, 1.0, 8, seed)
         weight = tuple(np.random.default_rng(seed).uniform(0.2, 3, wheels.wheel_count).tolist())
-        for criterion in (LEAST_NORM, WeightedNorm(weight), LargestTorque()):
-            asked = question(wheels, wrench, 1.0, criterion)
-            found = allocate(wheels, wrench, 1.0, criterion)
+        rates = wheels.wheel_rates @ np.random.default_rng(seed).normal(size=(3, 8)) * 0.3
+        for criterion in (LEAST_NORM, WeightedNorm(weight), LargestTorque(), ElectricPower()):
+            asked = question(wheels, wrench, 1.0, criterion, rates)
+            found = solve(asked)
             least = wheels.least_peak(wheels.min_norm @ wrench)
             clear = np.abs(least - 1) > 1e-6
             assert np.array_equal(found.reachable[clear], least[clear] < 1)

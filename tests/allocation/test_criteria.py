@@ -8,6 +8,7 @@ import pytest
 from occ.allocation import ElectricPower, WeightedNorm, allocate
 from occ.allocation.criteria.slopes import balanced, normal_slope
 from occ.allocation.least_norm import least_norm
+from occ.allocation.ranges import box
 from occ.allocation.residuals import certified
 from occ.allocation.result import question
 from tests.allocation.wrenches import youbot_map
@@ -34,12 +35,35 @@ class TestBalance:
         assert np.all((found >= low - 1e-14) & (found <= high + 1e-14))
         np.testing.assert_allclose(null[:, 0] @ found, 0.0, atol=1e-13)
 
+    def test_which_of_several_wheels_at_their_limits_is_taken_does_not_matter(self) -> None:
+        # In the reverse order another wheel takes what is lacking: other multipliers, which give the same bound.
+        wheels, norm = youbot_map(), WeightedNorm((1.0, 1.0, 9.0, 9.0))
+        torque = np.array([[1.0, 1.0, 0.6, 0.6]]).T
+        ranges, wrench = box(1.0, 4), wheels.wrench(torque)
+        low, high = norm.slopes(torque, torque)
+        high = np.where(torque == 1.0, np.inf, high)
+        null = wheels.null_torque[:, 0]
+        one, other = balanced(low, high, null), balanced(low[::-1], high[::-1], null[::-1])[::-1]
+        assert np.abs(one - other)[:2].min() > 1.0
+        for slope in (one, other):
+            force = -wheels.min_norm.T @ slope
+            np.testing.assert_allclose(wheels.wheel_rates @ force, -slope, atol=1e-12)
+            bound = norm.lower_bound(wheels, wrench, ranges, torque, force)
+            np.testing.assert_allclose(bound, norm.value(torque, torque), rtol=1e-14)
+
     def test_of_six_wheels(self) -> None:
         (low, high), null = self.intervals(6, 150)
+        basis = np.linalg.svd(null.T)[2][3:].T
         for k in range(150):
-            found = normal_slope(low[:, k], high[:, k], null)
+            found = normal_slope(low[:, k], high[:, k], basis)
             assert np.all((found >= low[:, k] - 1e-14) & (found <= high[:, k] + 1e-14))
-            np.testing.assert_allclose(null.T @ found, 0.0, atol=1e-10)
+            np.testing.assert_allclose(null.T @ found, 0.0, atol=1e-13)
+
+    def test_no_slopes_where_the_intervals_contradict_each_other(self) -> None:
+        # By hand: g = Q mu with two equal rows, of which one should be 1 and the other 2.
+        basis = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [0, 0, 1.0]]) / [1, 1, 2**0.5]
+        one = np.array([0.0, 0.0, 1.0, 2.0])
+        assert np.all(normal_slope(one, one, basis) == 0.0)
 
     def test_two_wheels_at_their_limits_share_what_is_lacking(self) -> None:
         # By hand: n = (1, 1, -1, -1)/2; wheels 3 and 4 are dear, so that 1 and 2 are driven to 1 N m together.

@@ -107,6 +107,16 @@ class TestRules:
         scaled = nearest_wrench(wheels, wrench, box(limit, 4), "scale", INERTIA)
         np.testing.assert_allclose(np.cross(scaled[:, 0], wrench[:, 0]), 0.0, atol=1e-10)
 
+    @pytest.mark.parametrize("rule", RULES)
+    def test_nearly_parallel_wheels(self, rule: Rule) -> None:
+        rng = np.random.default_rng(2)
+        for angle in (1e-10, 1e-9, 1e-8, 1e-6):
+            rows = rng.normal(size=(6, 3)) * [20.0, 20.0, 6.0]
+            rows[5] = rows[4] + angle * rows[0]
+            wrench, ranges = out_of_reach(input_map(rows), 10)
+            moved = nearest_wrench(input_map(rows), wrench, ranges, rule, INERTIA)
+            assert allocate(input_map(rows), moved, ranges).reachable.all()
+
     def test_scaling_that_reaches_nothing(self) -> None:
         # Wheels that have to brake cannot make a small wrench.
         ranges = TorqueRange(np.full((4, 1), 0.5), np.full((4, 1), 1.0))

@@ -15,6 +15,7 @@ from occ.allocation import (
     LargestTorque,
     TorqueRange,
     WeightedNorm,
+    input_map,
     platform_input_map,
 )
 from occ.allocation.ranges import NO_LIMIT
@@ -33,6 +34,11 @@ CRITERIA = [
 def youbot_map() -> InputMap:
     """The paper's four wheels."""
     return platform_input_map(youbot())
+
+
+def skewed_map() -> InputMap:
+    """Four wheels whose null torque moves them by different amounts."""
+    return input_map(np.random.default_rng(3).normal(size=(4, 3)) * [20.0, 20.0, 6.0])
 
 
 def law_samples(count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -70,8 +70,13 @@ class Criterion(ABC):
         """(N,) The dual function at the multipliers lambda = force (3, N): no torque of the wrench has a smaller f."""
 
     @abstractmethod
-    def multipliers(self, wheels: InputMap, torque: np.ndarray, ranges: TorqueRange, rates: np.ndarray) -> np.ndarray:
-        """(3, N) lambda at which the dual function meets f, if the torques (n, N) are best; any numbers if not."""
+    def multipliers(
+        self, wheels: InputMap, torque: np.ndarray, ranges: TorqueRange, rates: np.ndarray, near: float = SAME
+    ) -> np.ndarray:
+        """(3, N) lambda at which the dual function meets f, if the torques (n, N) are best; any numbers if not.
+
+        Torques this near to a limit or a kink, relative to their size, are on it.
+        """
 
     @abstractmethod
     def form(self, torque: np.ndarray, rates: np.ndarray) -> np.ndarray:
@@ -87,7 +92,7 @@ class Criterion(ABC):
 
     @abstractmethod
     def written(self, torque: Any, rates: Any) -> Any:
-        """f as one would write it on paper, in CVXPY's expressions of the torques (n,) and rates (n,)."""
+        """f as one would write it on paper, summed over samples: CVXPY's expressions of torques and rates (n, N)."""
 
 
 class Separable(Criterion):
@@ -102,8 +107,8 @@ class Separable(Criterion):
         """(n, N) the M_i that makes f_i(M_i) + pull_i M_i least; pull (n, N)."""
 
     @abstractmethod
-    def slopes(self, torque: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(n, N) and (n, N): ends of the interval of f_i's slopes at M_i, which is a point where f_i is smooth."""
+    def slopes(self, torque: np.ndarray, rates: np.ndarray, near: float = SAME) -> tuple[np.ndarray, np.ndarray]:
+        """(n, N) and (n, N): ends of the interval of f_i's slopes at M_i, a point where f_i is smooth."""
 
     def value(self, torque: np.ndarray, rates: np.ndarray) -> np.ndarray:
         return np.asarray(self.terms(torque, rates).sum(axis=0))
@@ -116,10 +121,12 @@ class Separable(Criterion):
         torque = np.clip(self.tilted(pull, rates), ranges.lower, ranges.upper)
         return self.value(torque, rates) + np.asarray((pull * torque).sum(axis=0) - (force * wrench).sum(axis=0))
 
-    def multipliers(self, wheels: InputMap, torque: np.ndarray, ranges: TorqueRange, rates: np.ndarray) -> np.ndarray:
+    def multipliers(
+        self, wheels: InputMap, torque: np.ndarray, ranges: TorqueRange, rates: np.ndarray, near: float = SAME
+    ) -> np.ndarray:
         """lambda with C_phi lambda = -g, g a slope of f and its limits at M that is normal to all null torques."""
-        low, high = self.slopes(torque, rates)
-        side = ranges.side(torque)
+        low, high = self.slopes(torque, rates, near)
+        side = ranges.side(torque, near)
         low, high = np.where(side < 0, -np.inf, low), np.where(side > 0, np.inf, high)
         # A wheel whose range is a point is at both ends of it.
         point = ranges.upper - ranges.lower <= 0
@@ -130,7 +137,7 @@ class Separable(Criterion):
         elif count == 3:
             slope = nearest_to_zero(low, high)
         else:
-            slope = np.zeros_like(low)
+            basis, slope = np.linalg.qr(wheels.wheel_rates)[0], np.zeros_like(low)
             for k in range(slope.shape[1]):
-                slope[:, k] = normal_slope(low[:, k], high[:, k], wheels.null_torque)
+                slope[:, k] = normal_slope(low[:, k], high[:, k], basis)
         return -wheels.min_norm.T @ slope

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from occ.allocation.active_set import Powers, least_power
+from occ.allocation.active_set import Powers, least_powers
 from occ.allocation.criteria.base import SAME, Programme, Separable
 from occ.allocation.criteria.slopes import NO_EFFECT
 from occ.allocation.input_map import InputMap
 from occ.allocation.least_norm import least_norms
 from occ.allocation.reach import tolerance
+from occ.allocation.residuals import certified
 from occ.objectives import COPPER_LOSS
 
 if TYPE_CHECKING:
@@ -49,8 +50,8 @@ class ElectricPower(Separable):
         beyond = np.maximum(np.abs(pull) - np.abs(rates), 0.0) / (2 * self.loss)
         return np.where(pull > 0, low - beyond, np.where(pull < 0, high + beyond, np.clip(0.0, low, high)))
 
-    def slopes(self, torque: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        place = self.form(torque, rates)
+    def slopes(self, torque: np.ndarray, rates: np.ndarray, near: float = SAME) -> tuple[np.ndarray, np.ndarray]:
+        place = self._place(torque, rates, near)
         steep = 2 * self.loss * torque + rates
         size = np.abs(rates)
         low = np.where(np.abs(place) == 2, steep, np.where(place == -1, -size, 0.0))
@@ -59,9 +60,12 @@ class ElectricPower(Separable):
         return low, high
 
     def form(self, torque: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        return self._place(torque, rates, SAME)
+
+    def _place(self, torque: np.ndarray, rates: np.ndarray, near: float) -> np.ndarray:
         """-2 below the idle interval, -1 at its lower end, 0 inside, 1 at its upper end, 2 above."""
         low, high = self._idle(rates)
-        near = SAME * np.maximum(np.abs(torque).max(axis=0), 1e-3)
+        near = near * np.maximum(np.abs(torque).max(axis=0), 1e-3)
         inside = np.where(torque >= high - near, 1, np.where(torque <= low + near, -1, 0))
         return np.where(torque > high + near, 2, np.where(torque < low - near, -2, inside))
 
@@ -97,12 +101,19 @@ class ElectricPower(Separable):
         easy = (torque * rates + self.loss * torque**2 > 0) & (torque <= upper) & (torque >= lower)
         hard = np.flatnonzero(~easy.all(axis=0))
         start = least_norms(asked.wheels, asked.min_norm[:, hard], lower[:, hard], upper[:, hard])
-        slack = tolerance(asked.min_norm)
-        idle = np.stack(self._idle(rates))
         for k, begin in zip(hard, start.T, strict=True):
-            powers = Powers(rates[:, k], self.loss, np.column_stack([lower[:, k], *idle[:, :, k], upper[:, k]]))
-            torque[:, k] = least_power(powers, null, begin, float(slack[k])) if np.isfinite(begin).all() else np.nan
+            torque[:, k] = self._proven(asked.of(np.array([k])), begin) if np.isfinite(begin).all() else np.nan
         return torque
+
+    def _proven(self, asked: Question, start: np.ndarray) -> np.ndarray:
+        """(n,) The best torques of one sample from torques within its limits; NaN where none is proven to be so."""
+        lower, upper = asked.bounds
+        powers = Powers(asked.rates[:, 0], self.loss, np.hstack([lower, *self._idle(asked.rates), upper]))
+        slack = float(tolerance(asked.min_norm)[0])
+        for torque in least_powers(powers, asked.wheels.null_torque, start, slack):
+            if certified(asked, torque[:, None]).prove[0]:
+                return torque
+        return np.full(len(start), np.nan)
 
     def programme(self, rates: np.ndarray, unit: np.ndarray) -> Programme:
         """z = (M, d): d_i >= 0, M_i - d_i <= idle_high, M_i + d_i >= idle_low; f = sum k d_i^2 + |phi_i'| d_i."""

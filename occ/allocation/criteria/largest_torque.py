@@ -10,6 +10,7 @@ import numpy as np
 from occ.allocation.criteria.base import SAME, Criterion, Programme
 from occ.allocation.criteria.slopes import NO_EFFECT
 from occ.allocation.input_map import InputMap
+from occ.allocation.least_distance import ROUNDING
 from occ.allocation.least_norm import least_norms
 from occ.allocation.ranges import TorqueRange
 
@@ -39,8 +40,10 @@ class LargestTorque(Criterion):
         """max |M_i| >= t where sum |y_i| min(t, b_i) = -lambda Pi, y = -C_phi lambda, b_i the limit of y_i."""
         return peak_bound(ranges, -wheels.wheel_rates @ force, -(force * wrench).sum(axis=0))
 
-    def multipliers(self, wheels: InputMap, torque: np.ndarray, ranges: TorqueRange, rates: np.ndarray) -> np.ndarray:
-        return -wheels.min_norm.T @ least_peak_rows(wheels, torque, ranges)[1]
+    def multipliers(
+        self, wheels: InputMap, torque: np.ndarray, ranges: TorqueRange, rates: np.ndarray, near: float = SAME
+    ) -> np.ndarray:
+        return -wheels.min_norm.T @ least_peak_rows(wheels, torque, ranges.holding(torque))[1]
 
     def form(self, torque: np.ndarray, rates: np.ndarray) -> np.ndarray:
         size = np.abs(torque)
@@ -69,7 +72,7 @@ class LargestTorque(Criterion):
     def written(self, torque: Any, rates: Any) -> Any:
         import cvxpy as cp
 
-        return cp.norm_inf(torque)
+        return cp.sum(cp.max(cp.abs(torque), axis=0))
 
 
 def least_peak_rows(wheels: InputMap, torque: np.ndarray, ranges: TorqueRange) -> tuple[np.ndarray, np.ndarray]:
@@ -111,7 +114,8 @@ def peak_bound(ranges: TorqueRange, rows: np.ndarray, value: np.ndarray) -> np.n
     # With the first k wheels at their limits the others share what is left.
     used = np.concatenate([np.zeros((1, size.shape[1])), np.cumsum(np.where(size > 0, size * b, 0.0), axis=0)[:-1]])
     left = np.cumsum(size[::-1], axis=0)[::-1]
-    # Where no wheel is left but by rounding, the quotient is nothing but rounding.
-    needs = np.divide(value - used, left, out=np.zeros_like(left), where=left > SAME * left[0])
+    # Wheels that the row hardly loads would make much of what rounding leaves to them.
+    lacking = value - used - ROUNDING * (np.abs(value) + np.abs(used))
+    needs = np.divide(lacking, left, out=np.zeros_like(left), where=left > 0)
     least = np.maximum(ranges.lower, -ranges.upper).max(axis=0)
     return np.asarray(np.maximum(needs.max(axis=0), least.clip(0.0)))

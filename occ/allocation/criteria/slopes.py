@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from occ.allocation.least_distance import least_distance
+
 NO_EFFECT = 1e-12
 """A wheel whose share in the unit null torque is below this is not moved by it."""
+ROUNDING = (0.0, *np.logspace(-14, -4, 11))
+"""Slopes are known to such a part of the largest one; the least part that leaves any is taken."""
 
 
 def nearest_to_zero(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -33,14 +37,23 @@ def balanced(low: np.ndarray, high: np.ndarray, null: np.ndarray) -> np.ndarray:
     return slope + np.sign(lacking) * added / safe
 
 
-def normal_slope(low: np.ndarray, high: np.ndarray, null: np.ndarray) -> np.ndarray:
-    """g (n,) between low and high with null^T g as near to zero as possible, for several null torques (n, k)."""
-    from scipy.optimize import lsq_linear
+def normal_slope(low: np.ndarray, high: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """g = Q mu (n,) between low and high, where there is one up to rounding; zeros where there is none.
 
-    slope = nearest_to_zero(low, high)
-    free = high > low
-    if free.any():
-        slope = np.where(free, 0.0, slope)
-        right = -null.T @ slope
-        slope[free] = lsq_linear(null[free].T, right, (low[free], high[free]), method="bvls", tol=1e-14, max_iter=99).x
-    return slope
+    Of the three unknowns mu the inequalities are well posed, however nearly parallel wheels and null torques are.
+
+    Args:
+        low: (n,), infinite where nothing bounds the slope.
+        high: (n,).
+        basis: Q (n, 3) orthonormal slopes that no null torque feels.
+    """
+    normals = np.vstack([basis, -basis])
+    offsets = np.concatenate([high, -low])
+    bounded = np.isfinite(offsets)
+    normals, offsets = normals[bounded], offsets[bounded]
+    size = np.abs(offsets).max(initial=0.0)
+    for part in ROUNDING:
+        mu = least_distance(normals, offsets + part * size).x
+        if mu is not None:
+            return np.asarray(basis @ mu)
+    return np.zeros_like(low)

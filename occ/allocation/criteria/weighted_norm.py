@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from occ.allocation.criteria.base import Programme, Separable
+from occ.allocation.criteria.base import SAME, Programme, Separable
 from occ.allocation.input_map import InputMap
 from occ.allocation.least_norm import least_norms
 from occ.errors import InputError
@@ -40,7 +40,7 @@ class WeightedNorm(Separable):
     def tilted(self, pull: np.ndarray, rates: np.ndarray) -> np.ndarray:
         return -pull / (2 * self.of(len(pull)))
 
-    def slopes(self, torque: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def slopes(self, torque: np.ndarray, rates: np.ndarray, near: float = SAME) -> tuple[np.ndarray, np.ndarray]:
         slope = 2 * self.of(len(torque)) * torque
         return slope, slope
 
@@ -67,7 +67,7 @@ class WeightedNorm(Separable):
     def written(self, torque: Any, rates: Any) -> Any:
         import cvxpy as cp
 
-        return cp.sum(cp.multiply(self.of(torque.size)[:, 0], cp.square(torque)))
+        return cp.sum(self.of(torque.shape[0]).T @ cp.square(torque))
 
 
 LEAST_NORM = WeightedNorm()
