@@ -274,3 +274,30 @@ def integral(function: Any, a: Ball, b: Ball, digits: int = 18) -> Ball:
     """
     tolerance = arb(10) ** -digits
     return acb.integral(function, acb(a), acb(b), rel_tol=tolerance, abs_tol=tolerance).real
+
+
+def positive_definite(rows: list[list[Ball]]) -> bool:
+    """Cholesky's method in balls: whether every matrix inside is positive definite, as far as it is to be seen.
+
+    Args:
+        rows: lower triangle, row by row.
+
+    Returns:
+        True only if it is certain.
+    """
+    lower: list[list[Ball]] = []
+    for a, row in enumerate(rows):
+        new: list[Ball] = []
+        for b in range(a):
+            rest = row[b]
+            for x, y in zip(new, lower[b], strict=False):
+                rest -= x * y
+            new.append(rest / lower[b][b])
+        pivot = row[a]
+        for x in new:
+            pivot -= x * x
+        if not pivot > 0:
+            return False
+        new.append(pivot.sqrt())
+        lower.append(new)
+    return True

@@ -11,7 +11,9 @@ then V(0, start) - V(T, end) is at most the integral of L along every motion.  W
     a cycle                  c, if V(0, x, w) - V(T, x - omega_B T, w) >= c everywhere
     for ever, V without t    c, if the inequality holds with L - c: the least mean of L while the yaw rate is bounded
 
-V has period 2 pi in x, so that ends that differ by full turns are one end.
+V has period 2 pi in x, so that ends that differ by full turns are one end.  With a term of V that is linear in x they
+are not: for all ends with at most, or at least, so many turns the bound is that of the outermost one if that term falls
+towards it.
 """
 
 from __future__ import annotations
@@ -21,8 +23,8 @@ from typing import NamedTuple
 
 from flint import arb
 
-from occ.certify.balls import Ball, Refused
-from occ.certify.gram import Gram, prove_sum_of_squares
+from occ.certify.balls import Ball
+from occ.certify.proofs import SquaresProof, TurnsProof
 from occ.certify.series import Key, Number, Series
 
 CONSTANT: Key = (0, 0, 0, 0)
@@ -56,6 +58,8 @@ class Inequality:
         end_cost: what a free end costs.
         paid: what is paid for start and end in any case.
         turn: [rad] omega_B T, where the motion is a cycle.
+        side: -1 where a given end has at most so many full turns, +1 where it has at least so many, 0 for any number.
+        turns: that number.
     """
 
     cost: Series
@@ -67,11 +71,13 @@ class Inequality:
     end_cost: Series | None = None
     paid: Ball = 0
     turn: Ball | None = None
+    side: int = 0
+    turns: int = 0
 
-    def flow(self, v: Series, level: Number) -> Series:
-        """The left side of the inequality."""
+    def flow(self, v: Series, level: Number, slope: Number = 0.0) -> Series:
+        """The left side of the inequality; V has the term slope x, too."""
         rate, acceleration = self.scales
-        parts = [self.cost, v.by_angle() * Series({(1, 0, 0, 0): rate})]
+        parts = [self.cost, (v.by_angle() + Series({CONSTANT: slope})) * Series({(1, 0, 0, 0): rate})]
         if self.regular:
             parts.append(v.by_rate() * Series({(0, 1, 0, 0): acceleration / rate}))
         if self.duration is None:
@@ -92,70 +98,34 @@ class Inequality:
         last = last.turned(harmonics(-self.turn, v.degree))
         return v.at_time(-1) - last - Series({CONSTANT: level})
 
-    def bound(self, v: Series, level: Number) -> Ball:
-        """The bound that is proven where both inequalities hold."""
+    def bound(self, v: Series, level: Number, slope: Number = 0.0) -> Ball:
+        """The bound that is proven where both inequalities hold, with so many turns of the end."""
         if self.start is None:
             return arb(level) + self.paid
-        value = value_at(v.at_time(-1), self.start)
-        return value + self.paid - (value_at(v.at_time(1), self.end) if self.end else 0)
+        value = value_at(v.at_time(-1), self.start) + self.paid
+        if not self.end:
+            return value
+        way = self.end.angle - self.start.angle + 2 * arb.pi() * self.turns
+        return value - value_at(v.at_time(1), self.end) - way * slope
 
 
-@dataclass(frozen=True)
-class SquaresProof:
-    """The numbers of a proof by sums of squares; none of them is trusted.
-
-    Args:
-        value: V, coefficients by term.
-        level: c, for cycles and for ever.
-        flow: Gram matrices of Bellman's inequality.
-        end: Gram matrix of the condition at the ends, where there is one.
-    """
-
-    value: dict[Key, float]
-    level: float
-    flow: tuple[Gram, ...]
-    end: Gram | None = None
-
-
-def lower_bound(problem: Inequality, proof: SquaresProof) -> Ball:
-    """The bound that a proof proves, in ball arithmetic.
-
-    Args:
-        problem: enclosed.
-        proof: not trusted.
-
-    Returns:
-        A ball; its lower end bounds the cost of every motion of the class.
-
-    Raises:
-        Refused: a step of the proof fails.
-    """
-    if any(j or i > 2 * problem.regular for i, j, *_ in proof.value):
-        raise Refused("V has a power of the yaw rate or of the yaw acceleration that it may not have")
-    if problem.duration is None and any(k for _, _, k, _ in proof.value):
-        raise Refused("V depends on time")
-    v, level = Series({key: arb(c) for key, c in proof.value.items()}), arb(proof.level)
-    prove_sum_of_squares(problem.flow(v, level), proof.flow)
-    boundary = problem.boundary(v, level)
-    if boundary is not None:
-        if proof.end is None:
-            raise Refused("the condition at the ends is missing")
-        prove_sum_of_squares(boundary, (proof.end,))
-    return problem.bound(v, level)
-
-
-def end_force(problem: Inequality, proof: SquaresProof) -> float:
+def end_force(problem: Inequality, proof: SquaresProof | TurnsProof) -> float:
     """|V_psi~| + |V_Omega| at a given end: by how much the bound moves with it; 0 where the end is free.
 
     Of a cycle, whose end is not known, the most that it is for yaw rates up to s about omega_B.
     """
+    if isinstance(proof, TurnsProof):
+        return max(end_force(problem, part) for part in (proof.upto, proof.above))
     last = Series({key: arb(c) for key, c in proof.value.items()}).at_time(1)
     if problem.turn is not None:
         parts = (abs(c) * (abs(h) + i / problem.scales.rate) for (i, _, _, h), c in last.terms.items())
         return float(sum(parts, arb(0)).upper())
     if problem.end is None:
         return 0.0
-    slopes = value_at(last.by_angle(), problem.end), value_at(last.by_rate(), problem.end) / problem.scales.rate
+    slopes = (
+        value_at(last.by_angle(), problem.end) + proof.slope,
+        value_at(last.by_rate(), problem.end) / problem.scales.rate,
+    )
     return float(sum(abs(arb(slope)) for slope in slopes).upper())
 
 

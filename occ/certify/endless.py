@@ -21,9 +21,10 @@ import numpy as np
 from occ.certify.balls import Refused
 from occ.certify.bellman import Inequality
 from occ.certify.long_run import least_mean_power
+from occ.certify.running import Cost, inequality
 from occ.certify.series import Series
 from occ.certify.sos import Degree
-from occ.certify.squares import BITS, Cost, SquaresCertificate, escalate, inequality
+from occ.certify.squares import BITS, SquaresCertificate, escalate
 from occ.task import Task
 
 DEGREES = tuple(Degree(0, angle) for angle in (2, 4, 8, 12, 16, 24, 32))

@@ -39,7 +39,13 @@ Place = float
 
 
 def below(ball: Ball) -> float:
-    """A float that is certainly not above the ball."""
+    """A float that is certainly not above the ball.
+
+    Raises:
+        Refused: the ball is not finite.
+    """
+    if not ball.is_finite():
+        raise Refused("the enclosure of a bound is not finite")
     lower = float(ball.lower())
     return lower - abs(lower) * 2.0**-50 - 1e-300
 
@@ -211,10 +217,11 @@ class Lengths:
         if not all(a < b for a, b in pairwise(self.edges)):
             raise Refused("the end is too close to the start, or a full turn from it, to tell them apart")
         self.boxes = [a.union(b) for a, b in pairwise(self.edges)]
-        self._roots = Roots(below(task.friction), above(task.friction), grain, _rule().weights.tolist())
+        self._roots = Roots(max(below(task.friction), 0.0), above(task.friction), grain, _rule().weights.tolist())
         self._cells = _Cells.create(task, list(pairwise(self.edges)))
         self._nodes: dict[int, _Node] = {}
         self._sums: dict[float, np.ndarray] = {}
+        self._between: dict[tuple[Place, Place], float] = {}
 
     def place(self, p: Place) -> Ball:
         """[rad] psi~ at a place."""
@@ -293,6 +300,18 @@ class Lengths:
     def lowest(self) -> float:
         """[W] A lower bound of U."""
         return float(self.lows.min())
+
+    def least_between(self, first: Place, last: Place) -> float:
+        """[W] A lower bound of U between two places, the one to the left first; either may be infinite."""
+        if last - first >= self.count:
+            return self.lowest
+        if (first, last) not in self._between:
+            inner, outer = math.ceil(first), math.floor(last)
+            pairs = [(first, last)] if inner > outer else [(first, inner), (outer, last)]
+            parts = (pair for pair in pairs if pair[0] < pair[1] or first == last)
+            least = [below(self._low(self.box(*pair), *map(self.place, pair))) for pair in parts]
+            self._between[first, last] = min([*least, *self.lows[np.arange(inner, outer) % self.count].tolist()])
+        return self._between[first, last]
 
     def _low(self, box: Ball, low: Ball, high: Ball) -> Ball:
         """Of U on a cell: at an edge if U is monotone or concave there, by a parabola if it is convex."""

@@ -10,15 +10,12 @@ for every strategy whatever; kinetic energy is bounded and does not count in the
 
 from __future__ import annotations
 
-import math
-
 import flint
-import numpy as np
-from flint import arb
 
-from occ.certify.balls import Refused, enclose
-from occ.certify.floors import CELLS
-from occ.certify.lengths import Lengths
+from occ.certify.angle import one_angle
+from occ.certify.balls import Refused
+from occ.certify.checker import examine
+from occ.certify.proofs import Level
 from occ.certify.work import BITS
 from occ.task import Task
 from occ.theory.dissipation import circle_of, energy_of
@@ -68,16 +65,12 @@ def check_mean_power(task: Task, claim: float) -> float:
         Refused: nothing is proven.
     """
     with flint.ctx.workprec(BITS):
-        enclosed = enclose(task)
-        if not enclosed.friction > 0:
+        problem = one_angle(task, for_ever=True)
+        if not problem.task.friction > 0:
             raise Refused("without friction nothing is paid for a way")
-        lengths = Lengths(enclosed, CELLS)
-        level = max(-claim, -lengths.lowest)
-        if -level < claim - ROUNDED * abs(claim):
-            raise Refused(f"{claim!r} W: standing where U is least needs {lengths.lowest!r} W")
-        scale = float(lengths.sums(level + 1.0)[-1])
-        lengths = Lengths(enclosed, CELLS, grain=GRAIN * scale)
-        paid, gained = lengths.way(level, 0.0, float(CELLS)), 4 * arb.pi() * enclosed.friction * abs(enclosed.rate)
-        if not arb(paid) >= gained:
-            raise Refused(f"{-level!r} W: a turn pays {paid:.12g} J and may gain {float(gained):.12g} J")
-        return float(np.nextafter(-level, -math.inf))
+        turn = float(problem.lengths.sums(1.0 - claim)[-1])
+        problem = one_angle(task, grain=GRAIN * turn, for_ever=True)
+        lower = examine(problem, Level(-claim))
+    if lower < claim - ROUNDED * abs(claim):
+        raise Refused(f"{claim!r} W: standing where U is least needs {lower!r} W")
+    return lower

@@ -10,15 +10,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from flint import arb, arb_mat
 
-from occ.certify.balls import Ball, Matrix, matrices
-from occ.certify.bellman import CONSTANT, Scales, State
+from occ.certify.balls import Ball, Matrix, enclose, matrices
+from occ.certify.bellman import CONSTANT, Inequality, Scales, State, value_at
+from occ.certify.ends import FREE, Ends
 from occ.certify.series import Series
+from occ.errors import InputError
+from occ.objectives import COPPER_LOSS
 from occ.task import Task
 from occ.theory.dissipation import circle_of
+
+Cost = Literal["work", "torque_squared", "electric"]
 
 
 class Running(NamedTuple):
@@ -89,3 +94,50 @@ def state_of(task: Task, heading: Ball, yaw_rate: Ball, time: Ball = 0) -> State
     circle = circle_of(task)
     angle = arb(heading) - arb(circle.phase) - arb(circle.rate) * arb(time)
     return State(angle, (arb(yaw_rate) - arb(circle.rate)) / scales_of(task).rate)
+
+
+def inequality(task: Task, cost: Cost, ends: Ends = FREE, *, for_ever: bool = False) -> Inequality:
+    """Bellman's inequality of a task, in balls.
+
+    Args:
+        task: on a circle.
+        cost: what is bounded.
+        ends: class of starts and ends.
+        for_ever: whether the mean over an endless motion is bounded instead.
+
+    Returns:
+        To be proven by `occ.certify.checker.examine`.
+
+    Raises:
+        InputError: the motion is not a circle, or ends without a bound.
+    """
+    running = running_costs(task)
+    scales, regular = scales_of(task), cost != "work"
+    costs = {
+        "work": running.dissipation,
+        "torque_squared": running.torque_squared,
+        "electric": running.power + running.torque_squared * arb(COPPER_LOSS),
+    }
+    if for_ever:
+        return Inequality(costs[cost], scales, regular)
+    duration = arb(task.duration)
+    start = state_of(task, task.start.heading, task.start.heading_rate)
+    if ends.end == "periodic" and ends.free_start:
+        return Inequality(costs[cost], scales, regular, duration, turn=arb(circle_of(task).rate) * duration)
+    if ends.free_start or ends.end == "rest":
+        raise InputError(
+            f"end: {ends.end!r} with{' a free' if ends.free_start else ' the given'} start has no bound here"
+        )
+    end = None
+    if ends.end == "periodic":
+        end = state_of(task, task.start.heading, task.start.heading_rate, duration)
+    elif ends.end == "law":
+        assert ends.state is not None
+        end = state_of(task, ends.state[2], ends.state[5], duration)
+    end_cost, paid = Series({}), arb(0)
+    if not regular:
+        paid = -value_at(running.kinetic_energy, start)
+        end_cost = Series.of(enclose(task).rest)
+        if end:
+            paid += value_at(running.kinetic_energy, end)
+    return Inequality(costs[cost], scales, regular, duration, start, end, end_cost, paid)

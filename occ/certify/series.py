@@ -8,7 +8,7 @@ operations are the same.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 from occ.certify.balls import Polynomial
@@ -17,6 +17,10 @@ Number = Any
 """A float or a ball."""
 Key = tuple[int, int, int, int]
 """i, j, k, h as above."""
+Entry = tuple[int, int, Key, float]
+"""Place in a Gram matrix, and a term with its factor that stands there."""
+WEIGHT = (((0, 0, 0, 0), 0.5), ((0, 0, 2, 0), -0.5))
+"""1 - tau^2 = (T_0 - T_2) / 2."""
 
 
 class Series:
@@ -114,6 +118,28 @@ def times(p: Key, q: Key) -> tuple[tuple[Key, float], ...]:
     """The terms of a product of two terms with coefficient one, and their factors."""
     i, j = p[0] + q[0], p[1] + q[1]
     return tuple(((i, j, k, h), c * s) for k, c in _chebyshev(p[2], q[2]) for h, s in _trigonometric(p[3], q[3]))
+
+
+@lru_cache(maxsize=16)
+def entries(basis: tuple[Key, ...], inside: bool) -> tuple[Entry, ...]:
+    """The terms at each place of the lower triangle; those off the diagonal count twice.
+
+    Args:
+        basis: (N,) terms of z.
+        inside: whether the weight 1 - tau^2 stands before.
+
+    Returns:
+        Row, column, term, factor.
+    """
+    found = []
+    for a, p in enumerate(basis):
+        for b, q in enumerate(basis[: a + 1]):
+            for key, factor in times(p, q):
+                weighted = [(key, 1.0)]
+                if inside:
+                    weighted = [(k, c * d) for w, c in WEIGHT for k, d in times(key, w)]
+                found += [(a, b, k, c * factor * (1 if a == b else 2)) for k, c in weighted]
+    return tuple(found)
 
 
 def _chebyshev(k: int, n: int) -> Iterator[tuple[int, float]]:

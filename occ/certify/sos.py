@@ -2,7 +2,7 @@
 
 The coefficients of V and the Gram matrices are the unknowns, the bound is what is maximised.  A strict margin is asked
 for, since the solver keeps its equations to some digits only; then the Gram matrices are projected on the equations,
-and `occ.certify.bellman.lower_bound` decides what has been proven.
+and `occ.certify.checker.examine` decides what has been proven.
 
 Source: Parrilo, Math. Program. 96 (2003), 293; Henrion, Lasserre, Savorgnan, Nonlinear optimal control synthesis via
 occupation measures (2008); Peyrl, Parrilo, Theor. Comput. Sci. 409 (2008), 269 (projection).
@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from occ.certify.balls import Refused
-from occ.certify.bellman import CONSTANT, Inequality, SquaresProof, State
-from occ.certify.gram import Gram, Row, entries
-from occ.certify.series import Key, Series
+from occ.certify.bellman import CONSTANT, Inequality, State
+from occ.certify.proofs import Gram, SquaresProof
+from occ.certify.series import Key, Series, entries
 
 SOLVERS: dict[str, dict[str, float]] = {
     "CLARABEL": {"tol_gap_abs": 1e-10, "tol_gap_rel": 1e-10, "tol_feas": 1e-10, "max_iter": 60},
@@ -56,7 +56,7 @@ def propose(problem: Inequality, degree: Degree, margin: float) -> SquaresProof:
         margin: by which the Gram matrices should be positive definite, relative to the size of the cost.
 
     Returns:
-        To be checked by `occ.certify.bellman.lower_bound`.
+        To be checked by `occ.certify.checker.examine`.
 
     Raises:
         Refused: no solver finds any.
@@ -72,11 +72,18 @@ def propose(problem: Inequality, degree: Degree, margin: float) -> SquaresProof:
     if zero is not None:
         conditions.append(_end_condition(real, basis, zero, degree))
     gain = np.array([float(real.bound(Series({key: 1.0}), 0.0) - real.bound(Series({}), 0.0)) for key in basis])
-    numbers, level, grams = _solve(conditions, gain, real.start is None, margin)
+    if real.side:
+        line = real.flow(Series({}), 0.0, 1.0) - real.flow(Series({}), 0.0)
+        conditions[0].columns.append(line)
+        gain = np.append(gain, float(real.bound(Series({}), 0.0, 1.0) - real.bound(Series({}), 0.0)))
+    numbers, level, grams = _solve(conditions, gain, real, margin)
     sizes = [len(condition.shapes) for condition in conditions]
     scaled = [replace(gram, matrix=unit * gram.matrix) for gram in grams]
-    value = {key: unit * float(c) for key, c in zip(basis, numbers, strict=True)}
-    return SquaresProof(value, unit * level, tuple(scaled[: sizes[0]]), scaled[sizes[0]] if len(sizes) > 1 else None)
+    value = {key: unit * float(c) for key, c in zip(basis, numbers, strict=False)}
+    end = scaled[sizes[0]] if len(sizes) > 1 else None
+    # The sign is asked for; what the solver misses of it is left to the Gram matrix.
+    slope = -real.side * max(0.0, -real.side * unit * float(numbers[-1])) if real.side else 0.0
+    return SquaresProof(value, unit * level, tuple(scaled[: sizes[0]]), end, slope)
 
 
 def _in_floats(problem: Inequality) -> Inequality:
@@ -122,7 +129,7 @@ def _value_basis(problem: Inequality, degree: Degree) -> list[Key]:
 def _flow_condition(problem: Inequality, basis: list[Key], degree: Degree) -> _Condition:
     zero = problem.flow(Series({}), 0.0)
     columns = [problem.flow(Series({key: 1.0}), 0.0) - zero for key in basis]
-    rows: list[Row] = [(0, 0), (1, 0)]
+    rows = [(0, 0), (1, 0)]
     short = [row for row in ((2, 0), (0, 1)) if (2 * row[0], 2 * row[1], 0, 0) in zero.terms and problem.regular]
     half = 0 if problem.duration is None else degree.time // 2
     # Long monomials need no waves: what they pay for is constant.
@@ -142,7 +149,7 @@ def _end_condition(problem: Inequality, basis: list[Key], zero: Series, degree: 
         assert found is not None
         return found - zero
 
-    rows: list[Row] = [(0, 0), (1, 0)] if problem.regular else [(0, 0)]
+    rows = [(0, 0), (1, 0)] if problem.regular else [(0, 0)]
     terms = tuple((*row, 0, h) for row in rows for h in _waves(degree.angle // 2))
     shape = Gram(terms, np.zeros((len(terms), len(terms))))
     level = problem.boundary(Series({}), 1.0)
@@ -187,7 +194,7 @@ def _rows(condition: _Condition) -> _Rows:
 
 
 def _solve(
-    conditions: list[_Condition], gain: np.ndarray, wants_level: bool, margin: float
+    conditions: list[_Condition], gain: np.ndarray, problem: Inequality, margin: float
 ) -> tuple[np.ndarray, float, list[Gram]]:
     import cvxpy as cp
 
@@ -203,8 +210,11 @@ def _solve(
         )
         constraints.append(rows.constant + rows.columns @ numbers + rows.level * level == squares)
         found.append((rows, condition.shapes, unknown))
+    wants_level = problem.start is None
     if not wants_level:
         constraints.append(level == 0)
+    if problem.side:
+        constraints.append(problem.side * numbers[-1] <= 0)
     _run(cp.Problem(cp.Maximize(gain @ numbers + level), constraints))
     if numbers.value is None or not np.all(np.isfinite(numbers.value)):
         raise Refused("the solver has no numbers to offer")

@@ -11,26 +11,21 @@ import time
 from dataclasses import dataclass, replace
 from importlib import import_module
 from itertools import zip_longest
-from typing import Literal
 
 import flint
 import numpy as np
-from flint import arb
 
-from occ.certify.balls import Refused, enclose
-from occ.certify.bellman import Inequality, SquaresProof, end_force, lower_bound, value_at
-from occ.certify.running import running_costs, scales_of, state_of
-from occ.certify.series import Series
+from occ.certify.balls import Refused
+from occ.certify.bellman import Inequality, end_force
+from occ.certify.checker import examine
+from occ.certify.ends import FREE, Ends
+from occ.certify.proofs import SquaresProof, TurnsProof
+from occ.certify.running import Cost, inequality
 from occ.certify.sos import Degree, propose
-from occ.certify.work import FREE, Ends
-from occ.errors import InputError
-from occ.objectives import COPPER_LOSS
 from occ.task import Task
-from occ.theory.dissipation import circle_of
 
 BITS = 256
 """Products of a few doubles are exact: what cancels in the platform cancels in the balls."""
-Cost = Literal["work", "torque_squared", "electric"]
 DEGREES = tuple(Degree(*item) for item in ((4, 2), (6, 2), (8, 2), (4, 4), (6, 4), (8, 4), (10, 4), (8, 6)))
 """Degrees of V that are tried, in time and in the angle."""
 MARGINS = (1e-9, 1e-8, 1e-7, 1e-6)
@@ -40,6 +35,10 @@ CLOSED = 1e-6
 """A bound this close (relative) to the best motion known closes the question."""
 SMALL = 2e-7
 """A step of the degree that changes the bound by less than this (relative) is the last one."""
+LOOSE = 1e-4
+"""A gap above this (relative) is worth to tell motions apart by the full turns of a given end."""
+CUTS = (-1, 0, -2, 1)
+"""Numbers of turns between which they are told apart."""
 GROWTH = 5
 """The time that a program takes grows with this power of the size of its Gram matrix."""
 
@@ -61,7 +60,7 @@ class SquaresCertificate:
 
     lower: float
     upper: float
-    proof: SquaresProof | None
+    proof: SquaresProof | TurnsProof | None
     degree: Degree | None
     reason: str
     seconds: float
@@ -84,54 +83,7 @@ class SquaresCertificate:
         return f"unresolved: between {self.lower:.8g} and {self.upper:.8g} ({self.reason})"
 
 
-def inequality(task: Task, cost: Cost, ends: Ends = FREE, *, for_ever: bool = False) -> Inequality:
-    """Bellman's inequality of a task, in balls.
-
-    Args:
-        task: on a circle.
-        cost: what is bounded.
-        ends: class of starts and ends.
-        for_ever: whether the mean over an endless motion is bounded instead.
-
-    Returns:
-        To be proven by `occ.certify.bellman.lower_bound`.
-
-    Raises:
-        InputError: the motion is not a circle, or ends without a bound.
-    """
-    running = running_costs(task)
-    scales, regular = scales_of(task), cost != "work"
-    costs = {
-        "work": running.dissipation,
-        "torque_squared": running.torque_squared,
-        "electric": running.power + running.torque_squared * arb(COPPER_LOSS),
-    }
-    if for_ever:
-        return Inequality(costs[cost], scales, regular)
-    duration = arb(task.duration)
-    start = state_of(task, task.start.heading, task.start.heading_rate)
-    if ends.end == "periodic" and ends.free_start:
-        return Inequality(costs[cost], scales, regular, duration, turn=arb(circle_of(task).rate) * duration)
-    if ends.free_start or ends.end == "rest":
-        raise InputError(
-            f"end: {ends.end!r} with{' a free' if ends.free_start else ' the given'} start has no bound here"
-        )
-    end = None
-    if ends.end == "periodic":
-        end = state_of(task, task.start.heading, task.start.heading_rate, duration)
-    elif ends.end == "law":
-        assert ends.state is not None
-        end = state_of(task, ends.state[2], ends.state[5], duration)
-    end_cost, paid = Series({}), arb(0)
-    if not regular:
-        paid = -value_at(running.kinetic_energy, start)
-        end_cost = Series.of(enclose(task).rest)
-        if end:
-            paid += value_at(running.kinetic_energy, end)
-    return Inequality(costs[cost], scales, regular, duration, start, end, end_cost, paid)
-
-
-def check_squares(problem: Inequality, proof: SquaresProof, claim: float | None = None) -> float:
+def check_squares(problem: Inequality, proof: SquaresProof | TurnsProof, claim: float | None = None) -> float:
     """The lower bound that a proof proves.
 
     Args:
@@ -146,10 +98,7 @@ def check_squares(problem: Inequality, proof: SquaresProof, claim: float | None 
         Refused: the proof fails, or it proves less than the claim.
     """
     with flint.ctx.workprec(BITS):
-        ball = lower_bound(problem, proof)
-        if not ball.is_finite():
-            raise Refused("the enclosure is not finite")
-        lower = float(np.nextafter(float(ball.lower()), -np.inf))
+        lower = examine(problem, proof)
     if claim is not None and claim > lower:
         raise Refused(f"the claim {claim!r} is above what is proven, {lower!r}")
     return lower
@@ -174,10 +123,33 @@ def certify_squares(
         InputError: the motion is not a circle.
     """
     with flint.ctx.workprec(BITS):
-        return escalate(inequality(task, cost, ends), DEGREES, upper, budget)
+        problem = inequality(task, cost, ends)
+        if not (problem.start and problem.end):
+            return escalate(problem, DEGREES, upper, budget)
+        whole = escalate(problem, DEGREES, upper, budget / 2)
+        if whole.gap <= LOOSE:
+            return whole
+        # Ends that differ by full turns are reached by ways of their own.
+        parts = escalate(problem, DEGREES, upper, budget - whole.seconds, _best_cut(problem))
+        better = parts if parts.lower > whole.lower else whole
+        return replace(better, seconds=whole.seconds + parts.seconds)
 
 
-def escalate(problem: Inequality, degrees: tuple[Degree, ...], upper: float, budget: float) -> SquaresCertificate:
+def _best_cut(problem: Inequality) -> int:
+    """The number of turns up to which a proof of the lowest degree should reach."""
+
+    def bound(cut: int) -> float:
+        try:
+            return _attempt(problem, DEGREES[0], -np.inf, cut)[0]
+        except Refused:
+            return -np.inf
+
+    return max(CUTS, key=bound)
+
+
+def escalate(
+    problem: Inequality, degrees: tuple[Degree, ...], upper: float, budget: float, cut: int | None = None
+) -> SquaresCertificate:
     """Try one degree after the other.
 
     Args:
@@ -185,6 +157,7 @@ def escalate(problem: Inequality, degrees: tuple[Degree, ...], upper: float, bud
         degrees: in the order in which they are tried.
         upper: value of the best motion known.
         budget: [s] of processor time after which no further degree is begun.
+        cut: full turns of a given end up to which one proof reaches, and above which another; None for one proof.
 
     Returns:
         The best bound that has passed the check.
@@ -196,7 +169,7 @@ def escalate(problem: Inequality, degrees: tuple[Degree, ...], upper: float, bud
     for degree, following in zip_longest(degrees, degrees[1:]):
         before, started = best.lower, time.process_time()
         try:
-            lower, proof = _attempt(problem, degree, begin + budget)
+            lower, proof = _attempt(problem, degree, begin + budget, cut)
         except Refused as refusal:
             best = replace(best, reason=f"degree {degree.time}, {degree.angle}: {refusal}")
         else:
@@ -217,8 +190,16 @@ def escalate(problem: Inequality, degrees: tuple[Degree, ...], upper: float, bud
     return replace(best, seconds=time.process_time() - begin)
 
 
-def _attempt(problem: Inequality, degree: Degree, deadline: float) -> tuple[float, SquaresProof]:
+def _attempt(
+    problem: Inequality, degree: Degree, deadline: float, cut: int | None
+) -> tuple[float, SquaresProof | TurnsProof]:
     """A bound and its proof with the smallest margin that the check accepts."""
+    if cut is not None:
+        low, upto = _attempt(replace(problem, side=-1, turns=cut), degree, deadline, None)
+        high, above = _attempt(replace(problem, side=1, turns=cut + 1), degree, deadline, None)
+        assert isinstance(upto, SquaresProof)
+        assert isinstance(above, SquaresProof)
+        return min(low, high), TurnsProof(cut, upto, above)
     last = Refused("no margin was tried")
     for margin in MARGINS:
         try:

@@ -22,7 +22,8 @@ from occ.task import EndClass, Task
 
 if TYPE_CHECKING:
     from occ.certify import Ends
-    from occ.certify.squares import Cost, SquaresCertificate
+    from occ.certify.running import Cost
+    from occ.certify.squares import SquaresCertificate
     from occ.theory.minimum_work import LeastWork
 
 EXACT_ERROR = 1e-11
@@ -55,13 +56,16 @@ MINORANTS: dict[str, Minorant] = {
 """Where the certified bounds of the other objectives come from."""
 
 
-def proven_bounds(case: Case, rows: Iterable[Mapping[str, Any]], name: str, *, certify: bool = False) -> list[Bound]:
+def proven_bounds(
+    case: Case, rows: Iterable[Mapping[str, Any]], name: str, *, task: Task | None = None, certify: bool = False
+) -> list[Bound]:
     """The proven bounds of all classes that occur among the rows of one case.
 
     Args:
         case: whose rows they are.
         rows: of the case.
         name: of the objective.
+        task: of the case, where it is at hand.
         certify: whether to look for proofs, too, which takes seconds.
 
     Returns:
@@ -69,7 +73,7 @@ def proven_bounds(case: Case, rows: Iterable[Mapping[str, Any]], name: str, *, c
     """
     if case.tables["motion"]["kind"] != Circle.kind or not (name == "work" or (certify and name in MINORANTS)):
         return []
-    task = case.task()
+    task = task or case.task()
     fair = [row for row in rows if row["status"] == Status.OK and row["keep"] == "path"]
     classes = {MotionClass.of(row) for row in fair if row["start"] != "own" and row["end"] != "rest"}
     if task.off_model or not classes:

@@ -13,15 +13,16 @@ import pytest
 from flint import arb
 from hypothesis import given, settings
 
-from occ.certify import gram, sos
-from occ.certify.balls import Refused
-from occ.certify.bellman import Inequality, SquaresProof, State, end_force, harmonics
+from occ.certify import checker, sos
+from occ.certify.balls import Refused, positive_definite
+from occ.certify.bellman import Inequality, State, end_force, harmonics
 from occ.certify.endless import certify_endless
-from occ.certify.running import running_costs, scales_of
+from occ.certify.ends import FREE, Ends
+from occ.certify.proofs import SquaresProof, TurnsProof
+from occ.certify.running import Cost, inequality, running_costs, scales_of
 from occ.certify.series import Series
 from occ.certify.sos import Degree, propose
-from occ.certify.squares import BITS, Cost, certify_squares, check_squares, inequality
-from occ.certify.work import FREE, Ends
+from occ.certify.squares import BITS, _attempt, certify_squares, check_squares
 from occ.model.coefficients import coefficients, unpack
 from occ.model.platform import Platform
 from occ.model.presets import YouBot
@@ -142,6 +143,29 @@ def test_bounds_of_more_random_tasks(seed: int) -> None:
     assert certificate.lower <= least + 1e-12 * abs(least)
     assert certificate.gap < 0.2
     assert str(certificate).startswith(certificate.word)
+
+
+def test_return_to_the_start_by_its_turns() -> None:
+    # Every number of turns is an end of its own, reached by ways of its own: one V for all of them is far below.
+    task, degree = paper_task(), Degree(4, 2)
+    least = minimum_work(task, "periodic").work
+    with flint.ctx.workprec(BITS):
+        problem = inequality(task, "work", Ends("periodic"))
+        whole, _ = _attempt(problem, degree, np.inf, None)
+        bound, proof = _attempt(problem, degree, np.inf, -1)
+    assert isinstance(proof, TurnsProof)
+    assert whole + 20 < bound <= least * (1 + 1e-12)
+    assert check_squares(problem, proof, bound) == bound
+    # The linear part says how many turns there are: it has to fall to one side, and the turns have to be told.
+    for wrong in (
+        replace(proof, turns=0),
+        replace(proof, turns=-1.5),
+        replace(proof, upto=replace(proof.upto, slope=-proof.upto.slope)),
+        replace(proof, above=proof.upto),
+        proof.above,
+    ):
+        with pytest.raises(Refused):
+            check_squares(problem, wrong, bound)
 
 
 def test_what_is_given_back_and_lost_is_electric() -> None:
@@ -274,7 +298,9 @@ def test_underestimated_radius_is_refused(
     wide = check_squares(replace(problem, paid=problem.paid + arb(0, 0.5)), proof)
     assert claim - 0.5 - 1e-6 < wide < claim - 0.5
     # It is the radius that refuses: a check without it would pass.
-    monkeypatch.setattr(gram, "_radii", lambda rest, rows: dict.fromkeys(rows, arb(0)))
+    monkeypatch.setattr(
+        checker, "positive_definite", lambda rows: positive_definite([[arb(c.mid()) for c in row] for row in rows])
+    )
     assert check_squares(blurred, proof) == claim
 
 

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from flint import arb
 
-from occ.certify.balls import Refused
-from occ.certify.gram import Gram, positive_definite, prove_sum_of_squares
-from occ.certify.series import Key, Series
+from occ.certify.balls import Refused, positive_definite
+from occ.certify.checker import absorbed, prove_sum_of_squares
+from occ.certify.proofs import Gram
+from occ.certify.series import Key, Series, entries
 
 PLACE = (0.37, -1.3, 0.8, 1.9)
 """tau, x, w, a."""
@@ -59,10 +60,11 @@ def test_ends_of_the_horizon_and_turns_of_the_angle() -> None:
 def test_gram_matrix_is_the_quadratic_form_of_its_terms(inside: bool) -> None:
     basis: tuple[Key, ...] = ((0, 0, 0, 0), (0, 0, 1, 1), (1, 0, 2, -1), (0, 1, 0, 0), (2, 0, 1, 2))
     half = np.random.default_rng(6).normal(size=(5, 5))
-    gram = Gram(basis, half + half.T, inside)
+    matrix = half + half.T
     z = np.array([value(Series({key: 1.0}), *PLACE) for key in basis])
     weight = 1 - PLACE[0] ** 2 if inside else 1.0
-    assert value(gram.series(), *PLACE) == pytest.approx(weight * z @ gram.matrix @ z, rel=1e-12)
+    terms = [Series({key: factor * matrix[a, b]}) for a, b, key, factor in entries(basis, inside)]
+    assert value(Series.sum(terms), *PLACE) == pytest.approx(weight * z @ matrix @ z, rel=1e-12)
 
 
 def test_cholesky_on_balls_is_certain_or_says_no() -> None:
@@ -91,12 +93,30 @@ def enclosed(terms: dict[Key, float], radius: float = 0.0) -> Series:
 def test_sum_of_squares_is_accepted_up_to_its_least_value() -> None:
     gram = Gram(BASIS, MATRIX)
     prove_sum_of_squares(enclosed(POSITIVE), (gram,))
-    # What the matrix does not say exactly is covered by its diagonal, as long as that is large enough.
+    # What the matrix does not say exactly is moved into it, as long as it is positive definite by more than that.
     prove_sum_of_squares(enclosed(POSITIVE | {(0, 0, 0, 0): 1.9}), (gram,))
     for least in (1.0 - 1e-9, 0.5):
         # POSITIVE - 1 has a zero: nothing below is a sum of squares.
         with pytest.raises(Refused, match="not positive definite"):
             prove_sum_of_squares(enclosed(POSITIVE | {(0, 0, 0, 0): least}), (gram,))
+
+
+def test_what_is_left_is_moved_into_the_matrix_exactly() -> None:
+    # Every number is a dyadic rational and no operation is rounded: the identity holds with balls of radius zero.
+    basis = tuple((i, 0, k, h) for i in (0, 1) for k in range(3) for h in (0, 1, -1))
+    keys = sorted({key for _, _, key, _ in entries(basis, False)})
+    random = np.random.default_rng(11)
+    rest = {key: arb(float(random.integers(-99, 99))) / 2**40 for key in keys}
+    added: dict[Key, arb] = {}
+    change = absorbed(rest, basis)
+    for a, b, key, factor in entries(basis, False):
+        added[key] = added.get(key, arb(0)) + change.get((a, b), arb(0)) * factor
+    assert all(added[key].is_exact() and added[key] == rest[key] for key in keys)
+    # With balls whatever they hold is in the balls of the matrix.
+    wide = absorbed({key: c + arb(0, 1e-3) for key, c in rest.items()}, basis)
+    assert all(wide[place].contains(c) for place, c in change.items())
+    other = absorbed({key: c + arb(float(random.uniform(-1e-3, 1e-3))) for key, c in rest.items()}, basis)
+    assert all(wide[place].contains(c) for place, c in other.items())
 
 
 def test_rounding_counts() -> None:
@@ -107,7 +127,7 @@ def test_rounding_counts() -> None:
 
 
 def test_terms_that_no_square_could_pay_for_are_refused() -> None:
-    with pytest.raises(Refused, match=r"w\^3"):
+    with pytest.raises(Refused, match=r"\(3, 0, 0, 0\)"):
         prove_sum_of_squares(enclosed(POSITIVE | {(3, 0, 0, 0): 1e-30}), (Gram(BASIS, MATRIX),))
     with pytest.raises(Refused, match="without weight"):
         prove_sum_of_squares(enclosed(POSITIVE), (replace(Gram(BASIS, MATRIX), inside=True),))
