@@ -164,7 +164,7 @@ def _profile(eq: ScaledEquation, first: float, slope: float, turns: int) -> np.n
     def turned(_: float, y: np.ndarray) -> float:
         return float(turns * 2 * np.pi - abs(y[0] - first))
 
-    caught.terminal = turned.terminal = True  # type: ignore[attr-defined]
+    caught.terminal = turned.terminal = True  # type: ignore[attr-defined]  # as SciPy wants it
     result = solve_ivp(
         scaled_right_side(eq),
         (0.0, LONGEST),

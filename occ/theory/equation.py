@@ -114,7 +114,7 @@ def reduced_motion(
     """
     from scipy.integrate import solve_ivp
 
-    numbers = YawCoefficients(*(float(value) for value in c))  # type: ignore[arg-type]
+    numbers = YawCoefficients(*(float(value) for value in c))  # type: ignore[arg-type]  # numbers for arrays
 
     def right_side(_: float, y: np.ndarray) -> tuple[float, float]:
         return y[1] - rate, float(yaw_acceleration(numbers, radius, rate, y[0], y[1]))

@@ -17,15 +17,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from occ.theory.quadrature import COARSE, FINE, Rule, Well
-from occ.theory.trigonometric import TURN, value, zeros
+from occ.theory.quadrature import COARSE, FINE, Legs, Rule, Well
+from occ.theory.roots import Bracket, closed
+from occ.theory.trigonometric import TURN, crossing, derivative, value, value_and_slope, zeros
 
 PER_TURN = 96
 """Points of the search on each turn of the end point."""
-BISECTIONS = 54
-TIGHT = {"xatol": 0.0, "xrtol": 4e-16, "fatol": 0.0, "frtol": 0.0}
 NEAR = 1e-6
 """Relative error of the time at which a bracket holds a root and not the end of a family."""
+BETWEEN = 16
+"""Finer steps where two extremals may be close together."""
+NOISE = 1e-15
+"""Relative differences of times by the fine rule that are rounding errors."""
+UNSURE = 1e-4
+"""Relative difference of times that the coarse rule may get wrong."""
 APART = 1e-12
 """Two points on both sides of a place where a way ends to exist."""
 DECADES = np.logspace(-10, -2, 9)
@@ -58,19 +63,36 @@ class Problem(NamedTuple):
 
 
 class _Ways(NamedTuple):
-    """Time, and the integral of 2 sqrt(Z (U + h)) |dpsi~|, of straight ways (row 0) and ways that turn (row 1)."""
+    """Energy constant, turning point, time, and the integral of 2 sqrt(Z (U + h)) |dpsi~|."""
 
-    energy: np.ndarray  # (N,)
-    turn: np.ndarray  # (N,) turning points
-    time: np.ndarray  # (2, N), infinite where there is no such way
-    length: np.ndarray  # (2, N)
+    energy: np.ndarray  # (N,) [W]
+    turn: np.ndarray  # (N,) [rad], infinite where the way is straight
+    time: np.ndarray  # (N,) [s], infinite where there is no such way
+    length: np.ndarray  # (N,) [J]
+
+
+class _Asked(NamedTuple):
+    """Ways from the well's first cut that are to be measured, straight or with one turning point."""
+
+    end: np.ndarray  # (2, N) places
+    energy: np.ndarray  # (N,) [W] h
+    start_level: np.ndarray  # (N,) [W] U + h at the start
+    end_level: np.ndarray  # (N,) [W]
+    side: np.ndarray  # (N,) to which the turning point lies, +1 or -1; 0 where the way is straight
+
+
+class _Family(NamedTuple):
+    """Ways that depend on one number x, with the row (N,) of the family that each belongs to."""
+
+    ways: Callable[[np.ndarray, np.ndarray, Rule], _Ways]
+    end: Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def to_free_end(problem: Problem, slope: np.ndarray, cells: np.ndarray) -> list[Extremal]:
     """Extremals whose end is free under an end cost phi: 2 Z u_T + phi'(psi~_T) = 0 (transversality).
 
     Args:
-        problem: Z, U, start and time.
+        problem: Z, U, start and time; the well has a cut at the start.
         slope: (5,) [J/rad] phi'.
         cells: (K,) whole turns k: ends in [start + 2 pi k, start + 2 pi (k + 1)] are searched.
 
@@ -78,180 +100,254 @@ def to_free_end(problem: Problem, slope: np.ndarray, cells: np.ndarray) -> list[
         The extremals found, in any order.
     """
     well, start, _ = problem
+    # Straight ways to all cells; ways that turn do not leave the two cells beside the start.
+    beside = cells[(cells == 0) | (cells == -1)]
+    cell = np.concatenate([cells, beside]).astype(float)
+    turns = np.arange(len(cell)) >= len(cells)
 
-    def ways(end: np.ndarray, rule: Rule) -> _Ways:
-        speed = -value(slope, end) / (2 * well.friction)
-        energy = well.friction * speed**2 - value(well.power, end)
-        side = np.where(speed > 0, -1.0, 1.0)
-        turn = well.turning_point(energy, end, side)
-        ahead = (start - end) * side
-        passed = ahead <= (turn - end) * side
-        turns = passed & np.isfinite(turn)
-        (k,) = np.nonzero(turns & (ahead < 0))
-        turns[k] = -ahead[k] <= (end[k] - well.turning_point(energy[k], end[k], -side[k])) * side[k]
-        exists = np.stack([passed & (ahead > 0), turns])
-        level = well.friction * speed**2
-        start_level = np.maximum(value(well.power, start) + energy, 0.0)
-        return _measured(well, (np.full_like(end, start), end), energy, (start_level, level), turn, exists, rule)
+    def ways(offset: np.ndarray, row: np.ndarray, rule: Rule) -> _Ways:
+        return _ways_to(problem, slope, np.array([cell[row], offset]), turns[row], rule)
 
-    points = _search_points(well, start, slope, cells)
-    return _solved(problem, ways, points, lambda end: end, apart=10 * APART)
+    offset = _search_points(well, start, slope)
+    energy, _, speed = _transversal(problem, slope, offset)
+    first = np.where(speed > 0, 0.0, -1.0)
+    nearest = _ways_to(problem, slope, np.array([first, offset]), np.zeros(len(offset), dtype=bool), COARSE).time
+    around = np.full(len(offset), np.inf)
+    (k,) = np.nonzero(energy > -well.bottom)
+    level = value(well.power, start) + energy[k]
+    once = np.zeros((2, 2, len(k)))
+    once[1, 0] = 1.0
+    around[k] = well.measured(Legs(once[0], once[1], energy[k], level, level), COARSE)[0]
+    more = np.abs(cells[:, None] - first)
+    with np.errstate(invalid="ignore"):
+        times = nearest + np.where(more > 0, more * around, 0.0)
+    times = np.where((speed > 0) == (cells[:, None] >= 0), times, np.inf)
+    if beside.size:
+        row = np.repeat(np.arange(len(cells), len(cell)), len(offset))
+        curved = ways(np.tile(offset, len(beside)), row, COARSE).time
+        times = np.concatenate([times, curved.reshape(len(beside), -1)])
+    points = np.broadcast_to(offset, times.shape)
+    family = _Family(ways, lambda x, row: start + (TURN * cell[row] + x))
+    return _solved(problem, family, points, times, apart=10 * APART * max(1.0, abs(start)))
 
 
-def _search_points(well: Well, start: float, slope: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """End points between which the time is continuous: where a way ends to exist there are two, close together."""
-    grid = (start + TURN * (cells[:, None] + np.arange(PER_TURN + 1) / PER_TURN)).ravel()
-    edges = _places_of_energy(well, -float(value(well.power, start)), slope, grid)
-    still = zeros(slope)[:, None]
-    rests = still + TURN * (cells + np.ceil((start - still) / TURN))
-    edges = np.concatenate([edges, rests.ravel(), [start]])
-    width = APART * np.maximum(1.0, np.abs(edges))
+def _transversal(problem: Problem, slope: np.ndarray, offset: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Energy constant [W], U + h there [W] and u [rad/s] with which a way may end at so many radians from the start."""
+    well, start, _ = problem
+    end = start + offset
+    speed = -value(slope, end) / (2 * well.friction)
+    level = well.friction * speed**2
+    return level - value(well.power, end), level, speed
+
+
+def _ways_to(problem: Problem, slope: np.ndarray, place: np.ndarray, turns: np.ndarray, rule: Rule) -> _Ways:
+    """The ways to ends (N,) that transversality lets end there."""
+    well, start, _ = problem
+    energy, level, speed = _transversal(problem, slope, place[1])
+    side = np.where(turns, np.where(speed > 0, -1.0, 1.0), 0.0)
+    # A straight way arrives from the side where the start is.
+    wrong = ~turns & ((speed > 0) != (place[0] >= 0))
+    start_level = np.where(wrong, -np.inf, value(well.power, start) + energy)
+    return _measured(well, _Asked(place, energy, start_level, level, side), rule)
+
+
+def _search_points(well: Well, start: float, slope: np.ndarray) -> np.ndarray:
+    """End points, from the start, between which the time is continuous on every turn.
+
+    Where a way ends to exist there are two, close together.
+    """
+    energies = -np.append(value(well.power, start), well.bottoms)
+    place, which = _places_of_energy(well, energies, slope, start)
+    rests = np.mod(zeros(slope) - start, TURN)
+    edges = np.concatenate([place[which == 0], rests])
+    width = APART * max(1.0, abs(start))
     # Where the way passes a minimum of U ever more slowly the time grows like a logarithm: so do the points.
-    slow = np.concatenate([_places_of_energy(well, -bottom, slope, grid) for bottom in well.bottoms])
-    steps = (DECADES * np.maximum(1.0, np.abs(slow))[:, None]).ravel()
-    slow = np.repeat(slow, len(DECADES))
-    return np.unique(np.concatenate([grid, edges - width, edges + width, slow - steps, slow + steps]))
+    slow = place[which > 0, None] + np.concatenate([-DECADES, DECADES]) * max(1.0, abs(start))
+    grid = np.arange(PER_TURN + 1) * (TURN / PER_TURN)
+    points = np.concatenate([grid, edges - width, edges + width, slow.ravel(), [width, TURN - width]])
+    return np.unique(points[(points >= 0) & (points <= TURN)])
 
 
-def _places_of_energy(well: Well, energy: float, slope: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """End points at which transversality asks for an energy constant h [W], by bisection between those of a grid."""
+def _places_of_energy(
+    well: Well, energies: np.ndarray, slope: np.ndarray, start: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """End points, from the start, at which transversality asks for one of several h [W], and for which of them."""
+    bend = derivative(slope)
 
-    def above(x: np.ndarray) -> np.ndarray:
-        return value(slope, x) ** 2 / (4 * well.friction) - value(well.power, x) >= energy
+    def energy(offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        x = start + offset
+        push, (power, rise) = value(slope, x), value_and_slope(well.power, x)
+        return push**2 / (4 * well.friction) - power, push * value(bend, x) / (2 * well.friction) - rise
 
-    values = above(grid)
-    change = np.flatnonzero((values[1:] != values[:-1]) & (np.diff(grid) < TURN / 2))
-    low, high, rising = grid[change], grid[change + 1], values[change + 1]
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        right = above(middle) == rising
-        low, high = np.where(right, low, middle), np.where(right, middle, high)
-    return low
+    grid = np.arange(PER_TURN + 1) * (TURN / PER_TURN)
+    above = energy(grid)[0] >= energies[:, None]
+    which, cell = np.nonzero(above[:, 1:] != above[:, :-1])
+
+    def excess(offset: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        level, rise = energy(offset)
+        return level - energies[which], rise
+
+    return crossing(excess, (grid[cell], grid[cell + 1]), ~above[which, cell]), which
 
 
 def to_fixed_end(problem: Problem, end: float) -> list[Extremal]:
     """Extremals between two angles.
 
     Args:
-        problem: Z, U, start and time.
+        problem: Z, U, start and time; the well has cuts at the start and at the end.
         end: [rad] psi~(T), on the real line: full turns count.
 
     Returns:
         The extremals found, in any order.
     """
     well, start, duration = problem
-    low, high = min(start, end), max(start, end)
-    ends = np.array([start, end])
-    between = low + np.mod(well.minima - low, TURN)
-    inside = between < high
-    floor = min(float(value(well.power, ends).min()), *np.where(inside, well.bottoms, np.inf))
-    scale = max(float(np.abs(well.power).sum()), well.friction * ((high - low) / duration) ** 2)
+    here, last = well.places(np.array([start])), well.places(np.array([end]))
+    order = (here, last) if start <= end else (last, here)
+    levels = value(well.power, np.array([start, end]))
+    # A minimum of U on the way would take for ever at its own level.
+    floor = min(float(levels.min()), float(well.lowest_between(*order)[0]))
     found = []
-    if high - low <= APART and well.is_critical(start):
-        rest = float(value(well.power, start))
+    if abs(end - start) <= APART and well.is_critical(start):
+        rest = float(levels[0])
         found.append(Extremal(-rest, (start, end), rest * duration, duration))
     # Straight ways: the time falls from its largest value as the energy constant rises.
-    straight = np.concatenate([[0.0], np.logspace(-15, 6, 43) * scale]) - floor
-    ways = _fixed_ways(well, start, end, 0.0)
-    found += _solved(problem, ways, straight, lambda h: np.full_like(h, end))
+    scale = max(float(np.abs(well.power).sum()), well.friction * ((end - start) / duration) ** 2)
+    families = [(0.0, np.concatenate([[0.0], np.logspace(-15, 6, 43) * scale]) - floor)]
     barriers = np.sort(np.append(-well.bottoms[well.bottoms < floor], -floor))
-    share = 1 / (1 + np.exp(-np.linspace(-36, 36, 61)))
-    for side in (1.0, -1.0):
-        for first, last in pairwise(barriers):
-            energies = first + (last - first) * np.concatenate([[0.0], share, [1.0]])
-            ways = _fixed_ways(well, start, end, side)
-            found += _solved(problem, ways, energies, lambda h: np.full_like(h, end))
-    return found
+    share = np.append(0.0, 1 / (1 + np.exp(-np.linspace(-36, 36, 61))))
+    # The last one bars the way: not even rounding may let it be below.
+    families += [
+        (side, np.append(low + (high - low) * share, high)) for side in (1.0, -1.0) for low, high in pairwise(barriers)
+    ]
+    side = np.array([family[0] for family in families])
+
+    def ways(h: np.ndarray, row: np.ndarray, rule: Rule) -> _Ways:
+        return _measured(
+            well, _Asked(np.repeat(last, len(h), axis=1), h, levels[0] + h, levels[1] + h, side[row]), rule
+        )
+
+    # The shorter families repeat their last point.
+    count = max(len(energies) for _, energies in families)
+    points = np.array([np.pad(energies, (0, count - len(energies)), mode="edge") for _, energies in families])
+    row = np.repeat(np.arange(len(side)), count)
+    times = ways(points.ravel(), row, COARSE).time.reshape(points.shape)
+    return _solved(problem, _Family(ways, lambda h, row: np.full_like(h, end)), points, times)
 
 
-def _fixed_ways(well: Well, start: float, end: float, side: float) -> Callable[[np.ndarray, Rule], _Ways]:
-    """Ways between two angles for given energy constants; side 0 is the straight one."""
-    outer = max(start, end) if side > 0 else min(start, end)
-    between = np.mod(well.minima - min(start, end), TURN) <= abs(end - start)
-    lowest = float(np.min(well.bottoms, where=between, initial=np.inf))
-
-    def ways(energy: np.ndarray, rule: Rule) -> _Ways:
-        def level(x: float) -> np.ndarray:
-            return np.maximum(value(well.power, x) + energy, 0.0)
-
-        sides = np.full_like(energy, side)
-        turn = well.turning_point(energy, np.full_like(energy, outer), sides) if side else np.full_like(energy, np.inf)
-        # A minimum of U on the way would take for ever at its own level.
-        passable = (energy >= -float(value(well.power, np.array([start, end])).min())) & (energy > -lowest)
-        exists = np.stack([passable & (side == 0), passable & np.isfinite(turn)])
-        places = np.full_like(energy, start), np.full_like(energy, end)
-        return _measured(well, places, energy, (level(start), level(end)), turn, exists, rule)
-
-    return ways
-
-
-def _measured(
-    well: Well,
-    ends: tuple[np.ndarray, np.ndarray],
-    energy: np.ndarray,
-    levels: tuple[np.ndarray, np.ndarray],
-    turn: np.ndarray,
-    exists: np.ndarray,
-    rule: Rule,
-) -> _Ways:
-    time, length = np.full((2, len(energy)), np.inf), np.zeros((2, len(energy)))
-    (k,), (j,) = np.nonzero(exists[0]), np.nonzero(exists[1])
-    start, end, h = ends[0], ends[1], energy
-    zero = np.zeros(len(j))
-    # One call for the straight ways and for both legs of the others.
-    legs = well.integrals(
-        (np.concatenate([start[k], start[j], end[j]]), np.concatenate([end[k], turn[j], turn[j]])),
-        np.concatenate([h[k], h[j], h[j]]),
-        (
-            np.concatenate([levels[0][k], levels[0][j], levels[1][j]]),
-            np.concatenate([levels[1][k], zero, zero]),
-        ),
-        rule,
+def _measured(well: Well, asked: _Asked, rule: Rule) -> _Ways:
+    end, energy, start_level, end_level, side = asked
+    upward = end[0] >= 0
+    ends = np.array([np.where(upward, 0.0, end), np.where(upward, end, 0.0)])
+    levels = np.array([start_level, end_level])
+    exists = (levels.min(axis=0) >= 0) & (well.lowest_between(*ends) + energy > 0)
+    levels = np.where(upward, levels, levels[::-1])
+    (j,) = np.nonzero(exists & (side != 0))
+    # The way to the turning point begins at the upper or at the lower of the two ends.
+    upper = (side[j] > 0).astype(np.int64)
+    outer = ends[upper, :, j].T
+    way = well.way_to_turning_point(energy[j], outer, side[j])
+    turns = np.isfinite(way)
+    exists[j] = turns
+    j, upper, outer, way = j[turns], upper[turns], outer[:, turns], way[turns]
+    bend = well.moved(outer, side[j] * way)
+    (k,) = np.nonzero(exists)
+    ahead = upper > 0
+    level = levels[upper, j]
+    legs = Legs(
+        np.concatenate([ends[0][:, k], np.where(ahead, outer, bend)], axis=1),
+        np.concatenate([ends[1][:, k], np.where(ahead, bend, outer)], axis=1),
+        np.concatenate([energy[k], energy[j]]),
+        np.concatenate([levels[0, k], np.where(ahead, level, 0.0)]),
+        np.concatenate([levels[1, k], np.where(ahead, 0.0, level)]),
     )
-    for result, values in ((time, legs[0]), (length, legs[1])):
-        first, second, third = np.split(values, [len(k), len(k) + len(j)])
-        result[0, k], result[1, j] = first, second + third
+    time, length = np.full(len(exists), np.inf), np.zeros(len(exists))
+    for result, parts in zip((time, length), well.measured(legs, rule), strict=True):
+        result[k] = parts[: len(k)]
+        # There and back.
+        result[j] += 2 * parts[len(k) :]
+    turn = np.full(len(exists), np.inf)
+    turn[j] = well.angles(bend)
     return _Ways(energy, turn, time, length)
 
 
 def _solved(
-    problem: Problem,
-    ways: Callable[[np.ndarray, Rule], _Ways],
-    points: np.ndarray,
-    end_of: Callable[[np.ndarray], np.ndarray],
-    apart: float = 0.0,
+    problem: Problem, family: _Family, points: np.ndarray, times: np.ndarray, apart: float = 0.0
 ) -> list[Extremal]:
-    """The ways that take the time given, from sign changes between the points and bisection."""
+    """The ways that take the time given, from sign changes between the points and bisection.
+
+    Args:
+        problem: with the time given.
+        family: of the ways.
+        points: (R, P) x, increasing along the rows of the family.
+        times: (R, P) [s] by the coarse rule.
+        apart: width of brackets that hold no root.
+
+    Returns:
+        The extremals found.
+    """
     well, start, duration = problem
-    early = ways(points, COARSE).time < duration
-    rows, columns = np.nonzero((early[:, 1:] != early[:, :-1]) & (np.diff(points) > apart))
-    if not rows.size:
+    row = np.arange(len(points))
+    between, column = np.nonzero(_turning_back(times, duration) & (np.diff(points, axis=1) > apart))
+    brackets = [_brackets(problem, family, row, points, times, apart)]
+    if between.size:
+        first, last = points[between, column], points[between, column + 1]
+        finer = first[:, None] + (last - first)[:, None] * np.linspace(0, 1, BETWEEN + 1)
+        again = np.repeat(between, BETWEEN + 1)
+        closer = family.ways(finer.ravel(), again, COARSE).time.reshape(finer.shape)
+        brackets.append(_brackets(problem, family, between, finer, closer, apart))
+    row, ends, values = (np.concatenate(parts, axis=-1) for parts in zip(*brackets, strict=True))
+    if not row.size:
         return []
-    from scipy.optimize.elementwise import find_root
 
-    def haste(x: np.ndarray, row: np.ndarray) -> np.ndarray:
+    def haste(x: np.ndarray, which: np.ndarray) -> np.ndarray:
         # Finite where there is no way, and where a way passes a minimum of U infinitely slowly.
-        return 1 / np.take_along_axis(ways(x, FINE).time, row[None, :], axis=0)[0] - 1 / duration
+        early = 1 / family.ways(x, row[which], FINE).time - 1 / duration
+        return np.where(np.abs(early) * duration <= NOISE, 0.0, early)
 
-    bracket = (points[columns], points[columns + 1])
-    root = find_root(haste, bracket, args=(rows,), tolerances=TIGHT)
-    # Of both ends of a bracket the one that comes in time exists for certain; a bracket is not closed around an exact
-    # root.
-    x = np.where(root.f_x == 0, root.x, np.where(early[rows, columns], *root.bracket))
-    count = np.arange(len(rows))
-    found = ways(x, FINE)
-    time, length = found.time[rows, count], found.length[rows, count]
-    places = end_of(x)
+    # The side on which a way comes in time exists for certain.
+    x = closed(haste, Bracket(ends, values))
+    found, place = family.ways(x, row, FINE), family.end(x, row)
     return [
         Extremal(
             energy=float(found.energy[i]),
-            places=(start, float(places[i])) if rows[i] == 0 else (start, float(found.turn[i]), float(places[i])),
-            action=float(length[i] - found.energy[i] * duration),
-            time=float(time[i]),
+            places=(start, *([float(found.turn[i])] if np.isfinite(found.turn[i]) else []), float(place[i])),
+            action=float(found.length[i] - found.energy[i] * duration),
+            time=float(found.time[i]),
         )
-        for i in count
-        if abs(time[i] - duration) <= NEAR * duration or _hidden(well, found.energy[i])
+        for i in range(len(row))
+        if abs(found.time[i] - duration) <= NEAR * duration or _hidden(well, found.energy[i])
     ]
+
+
+def _brackets(
+    problem: Problem, family: _Family, row: np.ndarray, points: np.ndarray, times: np.ndarray, apart: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Row (N,), ends (2, N) and the values there, 1/time - 1/duration, where the time given is passed."""
+    duration = problem.duration
+    # Where the coarse rule may be wrong about who is early the fine one decides.
+    near = np.nonzero(np.abs(times - duration) <= UNSURE * duration)
+    if near[0].size:
+        times = times.copy()
+        times[near] = family.ways(points[near], row[near[0]], FINE).time
+    early = times < duration
+    place, column = np.nonzero((early[:, 1:] != early[:, :-1]) & (np.diff(points, axis=1) > apart))
+    ends = np.array([column, column + 1])
+    with np.errstate(divide="ignore"):
+        return row[place], points[place, ends], 1 / times[place, ends] - 1 / duration
+
+
+def _turning_back(times: np.ndarray, duration: float) -> np.ndarray:
+    """(R, P - 1) The steps beside a point where the time is extreme and so near the one given that it may pass it."""
+    with np.errstate(invalid="ignore"):
+        step, missing = np.diff(times, axis=1), np.abs(times[:, 1:-1] - duration)
+        largest = np.maximum(np.abs(step[:, 1:]), np.abs(step[:, :-1]))
+        extreme = (step[:, 1:] * step[:, :-1] <= 0) & (missing <= largest) & np.isfinite(largest)
+    early = times < duration
+    extreme &= (early[:, 1:-1] == early[:, 2:]) & (early[:, 1:-1] == early[:, :-2])
+    steps = np.zeros(step.shape, dtype=bool)
+    steps[:, 1:] |= extreme
+    steps[:, :-1] |= extreme
+    return steps
 
 
 def _hidden(well: Well, energy: float) -> bool:

@@ -41,7 +41,7 @@ def long_run_section(s: Setting) -> dict[str, Any]:
         ``long_run_gap_percent``; None where the law has no attractor that a mean could be taken of, and where no motion
         costs anything, so that there is neither a gap nor a radius to switch at.
     """
-    energy = energy_of(s.task.platform, s.task.point, s.task.motion)  # type: ignore[arg-type]
+    energy = energy_of(s.task.platform, s.task.point, s.task.motion)  # type: ignore[arg-type]  # a circle
     best = long_run(energy)
     least, law, switch = float(best.mean_power), law_mean_power(s), float(switch_radius(s.c))
     return {
@@ -64,7 +64,7 @@ def law_mean_power(s: Setting) -> float | None:
     Returns:
         [W]; None where neither was found.
     """
-    energy = energy_of(s.task.platform, s.task.point, s.task.motion)  # type: ignore[arg-type]
+    energy = energy_of(s.task.platform, s.task.point, s.task.motion)  # type: ignore[arg-type]  # a circle
     reached = _reached(s, find_attractors(s.c, s.radius, s.rate))
     if reached is None:
         return None

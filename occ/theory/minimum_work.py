@@ -22,7 +22,7 @@ from occ.task import EndClass, Task
 from occ.theory.dissipation import CircleEnergy, circle_of, energy_of
 from occ.theory.extremals import Extremal, Problem, to_fixed_end, to_free_end
 from occ.theory.quadrature import COARSE, Well
-from occ.theory.trigonometric import TURN, derivative, value
+from occ.theory.trigonometric import TURN, derivative, least, value
 
 MOST_TURNS = 200_000
 """Full turns beyond which an end is not searched for."""
@@ -69,9 +69,9 @@ def least_work_free_end(energy: CircleEnergy, start: float, start_energy: float,
     """
     rest = energy.rest_of_yaw
     if not _resists(energy):
-        least = Well(1.0, rest).bottom
-        return LeastWork(_idle(energy, duration) + least - start_energy, None, start_energy, least, 0)
-    well = Well(float(energy.friction), energy.power)
+        bottom = _least(rest)
+        return LeastWork(_idle(energy, duration) + bottom - start_energy, None, start_energy, bottom, 0)
+    well = Well(float(energy.friction), energy.power, (start,))
     slope = derivative(rest) + 2 * energy.drag
     slope[0] += 2 * energy.friction * energy.rate
 
@@ -104,7 +104,7 @@ def least_work_fixed_end(
     change = kinetic_energies[1] - kinetic_energies[0]
     if not _resists(energy):
         return LeastWork(_idle(energy, duration) + change, None, *kinetic_energies, 0)
-    found = to_fixed_end(Problem(Well(float(energy.friction), energy.power), start, duration), end)
+    found = to_fixed_end(Problem(Well(float(energy.friction), energy.power, (start, end)), start, duration), end)
     winner = min(found, key=lambda item: item.action)
     work = winner.action + float(_from_end_points(energy, winner.places)) + change
     return LeastWork(work, winner, *kinetic_energies, len(found), _end_force(energy, winner, kinetic_energies[1]))
@@ -128,6 +128,7 @@ def least_work_of_a_cycle(energy: CircleEnergy, turn: float, duration: float) ->
         return LeastWork(_idle(energy, duration), None, 0.0, 0.0, 0)
     well = Well(float(energy.friction), energy.power)
     bottom = float(well.minima[np.argmin(well.bottoms)])
+    well = Well(float(energy.friction), energy.power, (bottom,))
     if turn == 0:
         winner = Extremal(-well.bottom, (bottom, bottom), well.bottom * duration, duration)
         return LeastWork(winner.action, winner, 0.0, 0.0, 1)
@@ -156,11 +157,16 @@ def _resists(energy: CircleEnergy) -> bool:
 
 def _idle(energy: CircleEnergy, duration: float) -> float:
     """[J] Without friction against the rotation the heading goes at once where translation costs least."""
-    return duration * Well(1.0, energy.power).bottom
+    return duration * _least(energy.power)
 
 
 def _from_end_points(energy: CircleEnergy, places: tuple[float, ...]) -> np.ndarray:
     return energy.of_end_points(places[-1]) - energy.of_end_points(places[0])
+
+
+def _least(p: np.ndarray) -> float:
+    """The least value of one trigonometric polynomial."""
+    return float(least(p[:, None])[1][0])
 
 
 class _Cells:
@@ -200,7 +206,7 @@ class _Cells:
         turns = np.where(self.cells >= 0, self.cells, -self.cells - 1)
         floors = np.max(length[:, None] * turns - (self.h * self.duration)[:, None], axis=0)
         force = 2 * float(self.energy.friction * self.energy.rate) * TURN
-        floors += np.minimum(force * self.cells, force * (self.cells + 1)) + Well(1.0, of_end).bottom
+        floors += np.minimum(force * self.cells, force * (self.cells + 1)) + _least(of_end)
         turned = self._rotating(time, length, force) + float(value(of_end, start))
         ceiling = min(self._waiting(start, of_end), turned)
         return self.cells[floors <= ceiling + 1e-9 * abs(ceiling)]

@@ -86,7 +86,7 @@ def _turn(eq: ScaledEquation, start: float) -> tuple[float, Shot] | None:
     def level(_: float, y: np.ndarray) -> float:
         return float((1 + e * k * math.sin(y[0] + delta)) * y[1] + 1 - rho * math.cos(y[0]))
 
-    turned.terminal = True  # type: ignore[attr-defined]
+    turned.terminal = True  # type: ignore[attr-defined]  # as SciPy wants it
     result = solve_ivp(
         right_side,
         (0.0, LONGEST),

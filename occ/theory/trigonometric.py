@@ -5,6 +5,8 @@ p(x) = c_0 + c_1 cos x + s_1 sin x + c_2 cos 2x + s_2 sin 2x, held as an array (
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 TURN = 2 * np.pi
@@ -13,6 +15,13 @@ _FINE = np.arange(512) * (TURN / 512)
 NEWTON_STEPS = 20
 SMALL_STEP = 1e-8
 """[rad] After a step of Newton's method as short as this one the angle is exact to rounding."""
+MOST_STEPS = 60
+ROUNDING = 4e-16
+ON_AXIS, FAR = 1e-9, 3.0
+"""[rad] Distances from the real axis between which complex zeros matter to a quadrature along it."""
+QUADRATIC = 1e-3
+STALLED = 0.7
+"""Newton's steps towards a threefold root shrink faster than this."""
 
 
 def basis(x: np.ndarray) -> np.ndarray:
@@ -22,6 +31,7 @@ def basis(x: np.ndarray) -> np.ndarray:
 
 
 _GRID_BASIS = basis(_GRID)
+_FINE_BASIS = basis(_FINE)
 
 
 def value(p: np.ndarray, x: np.ndarray | float) -> np.ndarray:
@@ -56,7 +66,7 @@ def recentred(p: np.ndarray, a: np.ndarray) -> np.ndarray:
 
 
 def zeros(p: np.ndarray) -> np.ndarray:
-    """The angles in [0, 2 pi) at which p changes its sign, by bisection down to rounding.
+    """The angles in [0, 2 pi) at which p changes its sign, down to rounding.
 
     Args:
         p: (5,) one polynomial.
@@ -64,15 +74,56 @@ def zeros(p: np.ndarray) -> np.ndarray:
     Returns:
         (0 to 4,) [rad], increasing.
     """
-    values = value(p, _FINE) >= 0
+    values = p @ _FINE_BASIS >= 0
     before = np.flatnonzero(values != np.roll(values, -1))
-    low, high = _FINE[before], _FINE[before] + TURN / len(_FINE)
-    rising = ~values[before]
-    for _ in range(52):
-        middle = (low + high) / 2
-        right = (value(p, middle) >= 0) == rising
-        low, high = np.where(right, low, middle), np.where(right, middle, high)
-    return np.sort(np.mod((low + high) / 2, TURN))
+    low = _FINE[before]
+    bracket = low, low + TURN / len(_FINE)
+    return np.sort(np.mod(crossing(lambda x: value_and_slope(p, x), bracket, ~values[before]), TURN))
+
+
+def shoulders(p: np.ndarray) -> np.ndarray:
+    """The angles (0 to 2,) [rad] of the complex zeros of p' beside the real axis, where p is nearly level.
+
+    p' is z^-2 times a polynomial of degree four in z = e^ix, and its zeros beside |z| = 1 come in pairs z, 1/conj z.
+    """
+    _, c_1, s_1, c_2, s_2 = derivative(p)
+    first, second = (c_1 - 1j * s_1) / 2, (c_2 - 1j * s_2) / 2
+    z = np.roots([second, first, 0.0, np.conj(first), np.conj(second)])
+    height = np.log(np.maximum(np.abs(z), 1.0))
+    return np.angle(z[(height > ON_AXIS) & (height < FAR)])
+
+
+def crossing(
+    level: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    bracket: tuple[np.ndarray, np.ndarray],
+    rising: np.ndarray,
+) -> np.ndarray:
+    """Where functions change their sign, by Newton's method, and bisection where it would leave the bracket.
+
+    Args:
+        level: value and slope at the angles (N,) [rad].
+        bracket: lower and upper ends (N,) [rad].
+        rising: (N,) whether a function is negative at the lower end, and not at the upper one.
+
+    Returns:
+        (N,) [rad], exact to rounding.
+    """
+    low, high = bracket
+    x, before = (low + high) / 2, high - low
+    for _ in range(MOST_STEPS):
+        here, slope = level(x)
+        early = (here < 0) == rising
+        low, high = np.where(early, x, low), np.where(early, high, x)
+        step = x - np.divide(here, slope, out=np.full_like(x, np.inf), where=slope != 0)
+        following = np.where((step >= low) & (step <= high), step, (low + high) / 2)
+        moved = np.abs(following - x)
+        x = following
+        # Quadratic convergence has just ended, or rounding is all that is left and steps no longer become shorter.
+        ended = (moved <= QUADRATIC * before) | (moved > STALLED * before) | (moved <= ROUNDING)
+        if (ended & (moved <= SMALL_STEP)).all():
+            break
+        before = moved
+    return x
 
 
 def least(p: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ import math
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from scipy.special import ellipe, ellipk
 
@@ -18,7 +18,7 @@ from occ.model.presets import youbot
 from occ.motion import Circle, Line
 from occ.task import Task
 from occ.theory.dissipation import circle_of, energy_of
-from occ.theory.quadrature import FINE, Well
+from occ.theory.quadrature import FINE, Rule, Well
 from occ.theory.trigonometric import TURN, basis, derivative, least, recentred, value, zeros
 from tests.strategies import angles, circles, platforms, points, reals
 
@@ -70,6 +70,7 @@ def test_trigonometric_polynomials(p: np.ndarray, x: float) -> None:
 
 
 @given(polynomials)
+@example(np.ones(5))  # One of its zeros is a point of the grid.
 def test_least_value_and_zeros(p: np.ndarray) -> None:
     grid = np.linspace(0, TURN, 4001)
     values = value(p, grid)
@@ -105,3 +106,44 @@ def test_turning_points_lie_on_the_asked_side() -> None:
     start, side = np.array([2.0, 2.0 + TURN, 2.0]), np.array([-1.0, 1.0, 1.0])
     found = well.turning_point(np.array([-1.0, -1.0, 0.5]), start, side)
     assert found == pytest.approx([np.pi / 2, 2 * TURN - np.pi / 2, np.inf], abs=1e-13)
+
+
+@pytest.mark.parametrize("distance", [1e-7, 1e-5, 1e-3, 0.1, 1.0, 1.5])
+def test_turning_points_near_an_extremum_keep_their_digits(distance: float) -> None:
+    # U = 1 - cos x and its mirror image, so that neither h nor the lowest or highest value of U is rounded.
+    h = np.array([2 * math.sin(distance / 2) ** 2])
+    near_minimum = Well(1.0, np.array([1.0, -1.0, 0.0, 0.0, 0.0])).turning_point(-h, np.array([3.0]), np.array([-1.0]))
+    near_maximum = Well(1.0, np.array([-1.0, 1.0, 0.0, 0.0, 0.0])).turning_point(h, np.zeros(1), np.ones(1))
+    assert near_minimum[0] == pytest.approx(distance, rel=1e-14)
+    assert near_maximum[0] == pytest.approx(distance, rel=1e-14)
+
+
+@given(polynomials, reals(-4.0, 1.0))
+@example(np.array([0.0, -0.3, -0.8, -0.3, 0.1]), -2.9)
+def test_fine_rule_has_converged_for_every_power(p: np.ndarray, decade: float) -> None:
+    # Complex zeros of U' beside the real axis would spoil the rule, were they not cut at.
+    assume(np.abs(p[1:]).sum() > 0.1)
+    well, finer = Well(1.0, p), Rule.create(0.1, 66.0)
+    h = np.array([10**decade - well.bottom])
+    ends = np.array([0.3]), np.array([0.3 + TURN])
+    levels = value(p, ends[0]) + h, value(p, ends[0]) + h
+    found, expected = (np.array(well.integrals(ends, h, levels, rule)) for rule in (FINE, finer))
+    assert found == pytest.approx(expected, rel=1e-13)
+
+
+@given(polynomials, st.lists(reals(-9.0, 9.0), min_size=3, max_size=3), reals(1e-6, 1.0))
+def test_legs_add_up_wherever_they_are_cut(p: np.ndarray, places: list[float], above: float) -> None:
+    assume(np.abs(p[1:]).sum() > 0.1)
+    a, b, c = (np.array([x]) for x in sorted(places))
+    plain = Well(0.7, p)
+    h = np.array([above - plain.bottom])
+
+    def measured(well: Well, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        return np.array(well.integrals((high, low), h, (value(p, high) + h, value(p, low) + h), FINE))
+
+    whole = measured(plain, a, c)
+    # The sum of two legs, and the same leg with cuts of the tables at its ends and in between.
+    assert measured(plain, a, b) + measured(plain, b, c) == pytest.approx(whole, rel=1e-10, abs=1e-12)
+    assert measured(Well(0.7, p, (float(b[0]),)), a, c) == pytest.approx(whole, rel=1e-10, abs=1e-12)
+    assert measured(Well(0.7, p, (float(c[0]), float(a[0]))), a, c) == pytest.approx(whole, rel=1e-10, abs=1e-12)
+    assert measured(Well(0.7, p, (float(a[0]),)), a + TURN, c + TURN) == pytest.approx(whole, rel=1e-10, abs=1e-12)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import quad
 from scipy.interpolate import CubicHermiteSpline
 
 from occ.errors import InputError
@@ -16,11 +17,13 @@ from occ.model.presets import YouBot
 from occ.motion import Circle
 from occ.referee.reference import servo_end_state
 from occ.task import Start, Task
-from occ.theory.dissipation import energy_of
+from occ.theory.dissipation import CircleEnergy, energy_of
 from occ.theory.dynamic_programming import DynamicProgram, least_work
+from occ.theory.extremals import Problem, to_fixed_end, to_free_end
 from occ.theory.minimum_work import LeastWork, least_work_fixed_end, minimum_work
 from occ.theory.optimal_heading import optimal_heading
-from occ.theory.trigonometric import TURN, value
+from occ.theory.quadrature import FINE, Well
+from occ.theory.trigonometric import TURN, derivative, value
 from tests.tasks import LAP, paper_task
 
 QUICK = (1, 8, 9)
@@ -40,6 +43,125 @@ def test_root_that_is_hit_exactly_is_an_extremal(rate: float) -> None:
     motion = Circle(radius=0.2, rate=rate, phase=math.pi / 2)
     task = replace(paper_task(), motion=motion, duration=2 * math.pi / abs(rate))
     assert minimum_work(task).work == pytest.approx(minimum_work(replace(task, duration=task.duration + 1e-9)).work)
+
+
+@pytest.mark.parametrize("seed", [308, 894])
+def test_returns_that_wait_at_a_barrier_are_found_on_both_sides(seed: int) -> None:
+    # Over three laps the motion all but rests near a minimum of U, so closely that rounding hides how closely: there
+    # and back at the level of that minimum, and waiting, is what it costs.
+    task = random_task(seed)
+    energy = energy_of(task.platform, task.point, task.motion)
+    start, duration = task.start.heading - task.motion.phase, 3 * TURN / abs(task.motion.rate)
+    well = Well(float(energy.friction), energy.power, (start,))
+    ((minimum, bottom),) = zip(well.minima, well.bottoms, strict=True)
+    expected = []
+    for barrier in (minimum - TURN * math.ceil((minimum - start) / TURN), start + (minimum - start) % TURN):
+        way, _ = quad(
+            lambda x: 2 * math.sqrt(float(energy.friction) * max(float(value(energy.power, x)) - bottom, 0.0)),
+            *sorted((start, barrier)),
+            epsabs=1e-12,
+            epsrel=1e-12,
+        )
+        expected.append(2 * way + bottom * duration)
+    found = to_fixed_end(Problem(well, start, duration), start)
+    assert sorted(way.action for way in found) == pytest.approx(sorted(expected), rel=1e-9)
+    assert all(len(way.places) == 3 for way in found)
+
+
+@pytest.mark.parametrize(("seed", "laps"), [(1092, 3), (1631, 3), (1730, 2)])
+def test_no_return_from_a_wait_at_a_minimum_of_the_power_costs_less(seed: int, laps: int) -> None:
+    task = random_task(seed)
+    task = replace(task, duration=laps * TURN / abs(task.motion.rate))
+    energy = energy_of(task.platform, task.point, task.motion)
+    start = task.start.heading - task.motion.phase
+    well, least = Well(float(energy.friction), energy.power), minimum_work(task, end="periodic").work
+    ways = [
+        (place + TURN * (k + math.ceil((start - place) / TURN)), bottom)
+        for place, bottom in zip(well.minima, well.bottoms, strict=True)
+        for k in (-1, 0)
+    ]
+    waits = []
+    for place, bottom in ways:
+        h = np.array([1e-9 * np.abs(energy.power).sum() - bottom])
+        if (value(energy.power, np.linspace(start, place, 400)) + h > 0).all():
+            ends = np.array([start]), np.array([place])
+            (time,), (length,) = well.integrals(ends, h, tuple(value(energy.power, x) + h for x in ends), FINE)
+            # There and back, and waiting at the level of U for what is left.
+            waits.append(2 * (length - h[0] * time) + bottom * (task.duration - 2 * time))
+            assert 2 * time < task.duration
+    assert waits
+    assert least <= min(waits) * (1 + 1e-12)
+
+
+def shot_backwards(energy: CircleEnergy, slope: np.ndarray, ends: np.ndarray, duration: float) -> np.ndarray:
+    """Angle at the start, and number of turning points, of ways that end with transversality, by integration."""
+    friction, force = float(energy.friction), derivative(energy.power)
+
+    def rate(state: np.ndarray) -> np.ndarray:
+        return np.array([-state[1], -value(force, state[0]) / (2 * friction)])
+
+    state = np.array([ends, -value(slope, ends) / (2 * friction)])
+    steps = max(400, int(40 * duration))
+    h, turns, sign = duration / steps, np.zeros(len(ends)), np.sign(state[1])
+    for _ in range(steps):
+        k_1 = rate(state)
+        k_2 = rate(state + h / 2 * k_1)
+        k_3 = rate(state + h / 2 * k_2)
+        state = state + h / 6 * (k_1 + 2 * k_2 + 2 * k_3 + rate(state + h * k_3))
+        turns += np.sign(state[1]) != sign
+        sign = np.sign(state[1])
+    return np.array([state[0], turns])
+
+
+SHOTS = 3000
+"""Ends on one turn."""
+
+
+@pytest.mark.parametrize("seed", [1, 22, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 10, 12, 14, 19))])
+def test_shooting_finds_the_same_extremals(seed: int) -> None:
+    # Over such horizons ways to neighbouring ends of the grid do not part too far.  By symmetry under full turns each
+    # end of one turn stands for an end in every cell.
+    task = random_task(seed)
+    energy = energy_of(task.platform, task.point, task.motion)
+    slope = end_slope(energy)
+    start = task.start.heading - task.motion.phase
+    well = Well(float(energy.friction), energy.power, (start,))
+    cells = np.arange(-4, 4)
+    found = to_free_end(Problem(well, start, task.duration), slope, cells)
+    ends = start + np.linspace(0, TURN, SHOTS + 1)
+    first, turns = shot_backwards(energy, slope, ends, task.duration)
+    shot = []
+    for k in cells:
+        # The way to the end in cell k begins at the start when the one to its image begins k turns below.
+        miss = first + TURN * k - start
+        (crossing,) = np.nonzero((miss[1:] > 0) != (miss[:-1] > 0))
+        crossing = crossing[(turns[crossing] <= 1) & (turns[crossing + 1] <= 1)]
+        shot += ((ends[crossing] + ends[crossing + 1]) / 2 + TURN * k).tolist()
+    # Each in the step of the grid in which the angle at the start passes the given one, and no other.
+    assert sorted(way.places[-1] for way in found) == pytest.approx(sorted(shot), abs=0.51 * TURN / SHOTS)
+
+
+def test_two_extremals_close_together_are_both_found() -> None:
+    # Between two points of the search the time falls below the horizon and rises above it again.
+    task = random_task(1813)
+    energy = energy_of(task.platform, task.point, task.motion)
+    slope = end_slope(energy)
+    start = task.start.heading - task.motion.phase
+    well = Well(float(energy.friction), energy.power, (start,))
+    ends = np.linspace(-4.36, -4.22, 281)
+    miss = shot_backwards(energy, slope, ends, task.duration)[0] - start
+    (crossing,) = np.nonzero((miss[1:] > 0) != (miss[:-1] > 0))
+    found = [way.places[-1] for way in to_free_end(Problem(well, start, task.duration), slope, np.arange(-1, 1))]
+    inside = sorted(end for end in found if ends[0] < end < ends[-1])
+    assert len(inside) == 2
+    assert inside == pytest.approx((ends[crossing] + ends[crossing + 1]) / 2, abs=0.51 * (ends[1] - ends[0]))
+
+
+def end_slope(energy: CircleEnergy) -> np.ndarray:
+    """(5,) [J/rad] of what a free end costs."""
+    slope = derivative(energy.rest_of_yaw) + 2 * energy.drag
+    slope[0] += 2 * energy.friction * energy.rate
+    return slope
 
 
 def random_task(seed: int) -> Task:
