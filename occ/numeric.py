@@ -10,6 +10,8 @@ from functools import lru_cache
 import casadi as ca
 import numpy as np
 
+from occ.native import Many
+
 
 class BufferedFunction:
     """Calls a CasADi function at one point without making CasADi matrices: a few microseconds a call.
@@ -34,8 +36,9 @@ class BufferedFunction:
 
 CHUNK = 256
 """Points that one call of a mapped function evaluates."""
-MANY = 768
-"""Points from which on NumPy's arrays are faster than calls of a mapped function."""
+MANY = 8192
+"""Points from which on NumPy's arrays, whose elementary functions may round otherwise, do the work.  The number of the
+points alone decides, so that no result depends on what is compiled."""
 
 
 def _mapped(function: ca.Function, count: int, shared: tuple[int, ...]) -> BufferedFunction:
@@ -47,6 +50,7 @@ class _Calls(threading.local):
 
     def __init__(self) -> None:
         self.of = lru_cache(maxsize=512)(_mapped)
+        self.compiled = lru_cache(maxsize=512)(Many)
 
 
 _CALLS = _Calls()
@@ -66,6 +70,9 @@ def evaluate_many(function: ca.Function, *arguments: np.ndarray, shared: tuple[i
     count = next(a.shape[-1] for i, a in enumerate(arguments) if i not in shared)
     if count >= MANY and _by_arrays(function):
         return on_arrays(function, *(tuple(a) if i in shared else a for i, a in enumerate(arguments)))
+    results = _CALLS.compiled(function, shared)(arguments, count)
+    if results is not None:
+        return results
     # Making a map takes longer than calling it: few sizes, the powers of two up to a chunk, serve all calls.
     size = min(1 << max(count - 1, 0).bit_length(), CHUNK)
     call = _CALLS.of(function, size, shared)
@@ -153,7 +160,7 @@ _KNOWN = {ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT, *UFUNCS}
 
 
 @lru_cache(maxsize=64)
-def _operations(function: ca.Function) -> list[tuple[int, list[int], list[int], float]]:
+def operations(function: ca.Function) -> list[tuple[int, list[int], list[int], float]]:
     """Operation, places of results and arguments, and constant of each instruction."""
     found = []
     for k in range(function.n_instructions()):
@@ -169,7 +176,7 @@ def _by_arrays(function: ca.Function) -> bool:
     if not function.is_a("SXFunction"):
         return False
     dense = all(function.sparsity_out(i).is_dense() and function.size2_out(i) == 1 for i in range(function.n_out()))
-    return dense and all(operation in _KNOWN for operation, *_ in _operations(function))
+    return dense and all(operation in _KNOWN for operation, *_ in operations(function))
 
 
 def on_arrays(function: ca.Function, *arguments: Sequence[np.ndarray | float] | np.ndarray) -> list[np.ndarray]:
@@ -193,7 +200,7 @@ def on_arrays(function: ca.Function, *arguments: Sequence[np.ndarray | float] | 
         for first in range(0, math.prod(shape), BLOCK):
             part = slice(first, first + BLOCK)
             work: dict[int, np.ndarray] = {}
-            for operation, into, of, constant in _operations(function):
+            for operation, into, of, constant in operations(function):
                 if operation == ca.OP_CONST:
                     work[into[0]] = np.asarray(constant)
                 elif operation == ca.OP_INPUT:

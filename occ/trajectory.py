@@ -44,7 +44,6 @@ class PiecewisePolynomial:
         edges: (K + 1,) [s] ends of the intervals.
         nodes: (d,) places of the values in each interval, in [0, 1].
         values: (m, K, d) m signals.
-
     """
 
     edges: np.ndarray
@@ -94,8 +93,13 @@ def lagrange_basis(nodes: np.ndarray, s: np.ndarray) -> np.ndarray:
     Returns:
         (d, N).
     """
-    ratios = (s[None, None, :] - nodes[None, :, None]) / (
-        nodes[:, None, None] - nodes[None, :, None] + np.eye(len(nodes))[:, :, None]
-    )
-    ratios[np.arange(len(nodes)), np.arange(len(nodes))] = 1.0
-    return ratios.prod(axis=1)
+    # The same products in the same order above and below: exactly one at its own node.
+    return _of_others(s - nodes[:, None]) / np.diag(_of_others(nodes - nodes[:, None]))[:, None]
+
+
+def _of_others(factors: np.ndarray) -> np.ndarray:
+    """(d, N) prod_i f_i, i != j, of the factors (d, N); none is divided out, so that they may vanish."""
+    before, behind = np.ones_like(factors), np.ones_like(factors)
+    np.multiply.accumulate(factors[:-1], axis=0, out=before[1:])
+    np.multiply.accumulate(factors[:0:-1], axis=0, out=behind[-2::-1])
+    return before * behind

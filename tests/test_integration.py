@@ -125,3 +125,10 @@ def test_what_is_told_before_a_piece_changes_the_equation() -> None:
     motion = integrate(step, edges, np.zeros(1), Settings(longest=1.0, largest=np.ones(1) * 10), enter)
     np.testing.assert_allclose(seen, [0.0, 0.5, 0.0], atol=1e-15)
     np.testing.assert_allclose(motion(np.array([0.25, 0.6, 1.0, 2.0]))[0], [0.25, 0.3, 0.75, 3.75], atol=1e-14)
+
+
+def test_the_polynomials_at_the_same_places_of_all_steps() -> None:
+    steps = run(PROBLEMS["forced"], "compiled", 1e-9)
+    places = np.array([0.0, 0.3, 0.77])
+    times = (steps.edges[:-1, None] + np.diff(steps.edges)[:, None] * places).ravel()
+    np.testing.assert_allclose(steps.on_each(places), steps(times), rtol=0, atol=1e-14)

@@ -15,6 +15,7 @@ from occ.experiment.results import Row
 from occ.experiment.run import lost_rows, solve_row
 from occ.objectives import OBJECTIVES
 from occ.referee import MEASURES
+from occ.task import Task
 
 STATUSES = tuple(status.value for status in Status)
 """Texts of ``status`` are kept as their places in this list."""
@@ -56,10 +57,9 @@ def compare(item: Comparison) -> list[Row]:
     Raises:
         BoundViolation: a feasible row below a proven bound of its class.
     """
-    task = item.case.task()
-    players = item.case.players().items()
-    rows = [solve_row(item.case, task, name, player, with_motion=False)[0] for name, player in players]
-    return _bounded(item, rows)
+    task, players = item.case.posed()
+    rows = [solve_row(item.case, task, name, player, with_motion=False)[0] for name, player in players.items()]
+    return _bounded(item, rows, task)
 
 
 def lost_comparison(item: Comparison, reason: str) -> list[Row]:
@@ -67,10 +67,10 @@ def lost_comparison(item: Comparison, reason: str) -> list[Row]:
     return _bounded(item, lost_rows(item.case, reason))
 
 
-def _bounded(item: Comparison, rows: Sequence[Row]) -> list[Row]:
+def _bounded(item: Comparison, rows: Sequence[Row], task: Task | None = None) -> list[Row]:
     own = [{"case": item.case.name} | dict(row) for row in rows]
     for name in item.objectives:
-        bounds = [*proven_bounds(item.case, own, name), *local_bounds(own, name)]
+        bounds = [*proven_bounds(item.case, own, name, task=task), *local_bounds(own, name)]
         for row in own:
             row |= bound_columns(row, name, bounds)
     kept = ("controller", "status", "message", *numbers(item.objectives))

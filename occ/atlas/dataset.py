@@ -22,11 +22,14 @@ from occ.errors import InputError
 from occ.experiment.case import NUMERICS, code_fingerprint
 from occ.experiment.naming import case_name
 from occ.experiment.store import replacing, write_text
+from occ.experiment.units import unit_of
 
 if TYPE_CHECKING:
     import xarray as xr
 
 FILE = "atlas.nc"
+FAILURES = "failures.csv"
+FAILURE_COLUMNS = ("point", "controller", "status", "message")
 COMPRESSED: dict[str, Any] = {"compression": "gzip", "compression_opts": 4, "shuffle": True}
 MOST_IN_CHUNK = 1 << 16
 """Values that are compressed, and held in memory, together."""
@@ -62,37 +65,36 @@ def write_failures(grid: Grid, found: Found, folder: Path) -> list[tuple[str, ..
         (case_name(dict(coordinates_of(grid, item.point))), item.controller, item.status, item.message)
         for item in found.failures
     ]
-    path = folder / "failures.csv"
+    path = folder / FAILURES
     if rows:
         text = io.StringIO()
-        csv.writer(text, lineterminator="\n").writerows([("point", "controller", "status", "message"), *rows])
+        csv.writer(text, lineterminator="\n").writerows([FAILURE_COLUMNS, *rows])
         write_text(path, text.getvalue())
     else:
         path.unlink(missing_ok=True)
     return rows
 
 
-def unit_of(key: str) -> str:
-    """The unit of a swept key, from the documentation of its table; ``1`` where it has none."""
-    from occ.experiment.documentation import key_texts
-    from occ.experiment.schema import Horizon, Point
-    from occ.model.presets import PLATFORMS
-    from occ.motion import MOTIONS
-    from occ.task import Limits, Start
+def read_failures(folder: Path) -> list[tuple[str, ...]]:
+    """The rows of ``failures.csv``.
 
-    table, _, name = key.partition(".")
-    classes: dict[str, tuple[type, ...]] = {
-        "platform": tuple(PLATFORMS.values()),
-        "point": (Point,),
-        "motion": tuple(MOTIONS),
-        "start": (Start,),
-        "horizon": (Horizon,),
-        "limits": (Limits,),
-    }
-    for text in (text for cls in classes.get(table, ()) for text in key_texts(cls) if text.name == name):
-        if text.unit or text.text.startswith("["):
-            return text.unit or text.text[1 : text.text.index("]")]
-    return "1"
+    Args:
+        folder: of the experiment.
+
+    Returns:
+        Place, controller, status and reason of each point or controller without a value.
+
+    Raises:
+        InputError: the file is there and is not what `write_failures` writes.
+    """
+    path = folder / FAILURES
+    if not path.is_file():
+        return []
+    with path.open(encoding="utf-8", newline="") as file:
+        head, *rows = [*map(tuple, csv.reader(file))] or [()]
+    if head != FAILURE_COLUMNS or any(len(row) != len(FAILURE_COLUMNS) for row in rows):
+        raise InputError(f"{path}: not a table of failures; its columns should be {', '.join(FAILURE_COLUMNS)}")
+    return rows
 
 
 def write_atlas(grid: Grid, found: Found, folder: Path) -> None:
@@ -114,7 +116,8 @@ def write_atlas(grid: Grid, found: Found, folder: Path) -> None:
         file.attrs.update(_provenance(grid))
         file.dimensions = {key: len(values) for key, values in grid.values.items()}
         for key, labels in grid.coordinates.items():
-            _Variable(file, key, (key,), np.array(labels), unit_of(key), key).fill(np.array(labels))
+            unit = unit_of(key, grid.experiment.tables)
+            _Variable(file, key, (key,), np.array(labels), unit, key).fill(np.array(labels))
         size, words = math.prod(grid.shape[1:]), _encoded(np.array(REGIMES))
         for name in found.columns:
             item = {**LONG_RUN, **LEAST_WORK}[name]

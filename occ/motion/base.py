@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import astuple, dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import ClassVar
 
 import casadi as ca
@@ -25,10 +25,16 @@ class ProgramMotion(ABC):
 
     def values(self) -> np.ndarray:
         """(k,) The motion's numbers, in the order in which `position` takes them."""
+        return self._values
+
+    @cached_property
+    def _values(self) -> np.ndarray:
         flat: list[float] = []
         for value in astuple(self):
             flat.extend(np.ravel(value))
-        return np.array(flat, dtype=float)
+        values = np.array(flat, dtype=float)
+        values.flags.writeable = False
+        return values
 
     def structure(self) -> tuple[int, ...]:
         """What of the motion shapes its formula (the number of its way-points, say), as opposed to its numbers."""

@@ -13,8 +13,24 @@ from occ.errors import InputError
 from occ.motion.base import ProgramMotion
 
 
+class ClosedCurve(ProgramMotion):
+    """A curve that its parameter goes round once in T = 2 pi / |rate|; each one has the field ``rate`` [rad/s]."""
+
+    rate: float
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.rate == 0.0:
+            name = type(self).__name__
+            raise InputError(f"{name}: rate 0 keeps B at rest; it should be a positive or negative rate in rad/s")
+
+    @property
+    def period(self) -> float:
+        return 2 * math.pi / abs(self.rate)
+
+
 @dataclass(frozen=True, kw_only=True)
-class Circle(ProgramMotion):
+class Circle(ClosedCurve):
     """x = R_B cos(omega_B t + phi_B), y = R_B sin(omega_B t + phi_B): the circle before eq. (4.1).
 
     Args:
@@ -28,18 +44,10 @@ class Circle(ProgramMotion):
     rate: float
     phase: Angle = 0.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _refuse_rest(self, self.rate)
-
     @classmethod
     def position(cls, t: ca.SX, values: ca.SX, structure: tuple[int, ...]) -> ca.SX:
         radius, rate, phase = ca.vertsplit(values)
         return radius * ca.vertcat(ca.cos(rate * t + phase), ca.sin(rate * t + phase))
-
-    @property
-    def period(self) -> float:
-        return 2 * math.pi / abs(self.rate)
 
     @property
     def turning_rate(self) -> float:
@@ -47,7 +55,7 @@ class Circle(ProgramMotion):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ellipse(ProgramMotion):
+class Ellipse(ClosedCurve):
     """r = R(tilt) (a cos(rate t + phase), b sin(rate t + phase)): an ellipse about the origin of the floor.
 
     Args:
@@ -64,10 +72,6 @@ class Ellipse(ProgramMotion):
     phase: Angle = 0.0
     tilt: Angle = 0.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _refuse_rest(self, self.rate)
-
     @classmethod
     def position(cls, t: ca.SX, values: ca.SX, structure: tuple[int, ...]) -> ca.SX:
         a, b, rate, phase, tilt = ca.vertsplit(values)
@@ -75,13 +79,9 @@ class Ellipse(ProgramMotion):
         c, s = ca.cos(tilt), ca.sin(tilt)
         return ca.vertcat(c * x - s * y, s * x + c * y)
 
-    @property
-    def period(self) -> float:
-        return 2 * math.pi / abs(self.rate)
-
 
 @dataclass(frozen=True, kw_only=True)
-class FigureEight(ProgramMotion):
+class FigureEight(ClosedCurve):
     """x = a sin(rate t + phase), y = b sin(2 (rate t + phase)): the Lissajous figure 1:2, which crosses itself at 0.
 
     Args:
@@ -95,22 +95,8 @@ class FigureEight(ProgramMotion):
     rate: float
     phase: Angle = 0.0
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _refuse_rest(self, self.rate)
-
     @classmethod
     def position(cls, t: ca.SX, values: ca.SX, structure: tuple[int, ...]) -> ca.SX:
         a, b, rate, phase = ca.vertsplit(values)
         angle = rate * t + phase
         return ca.vertcat(a * ca.sin(angle), b * ca.sin(2 * angle))
-
-    @property
-    def period(self) -> float:
-        return 2 * math.pi / abs(self.rate)
-
-
-def _refuse_rest(motion: ProgramMotion, rate: float) -> None:
-    if rate == 0.0:
-        name = type(motion).__name__
-        raise InputError(f"{name}: rate 0 keeps B at rest; it should be a positive or negative rate in rad/s")

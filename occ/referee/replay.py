@@ -199,7 +199,8 @@ class Replay:
     def samples(self) -> Samples:
         """The motion on the nodes of a Gauss-Lobatto rule on every step, split where an integrand has a kink."""
         edges = self._motion.edges
-        first = self._quadrature(edges[:-1], edges[1:])
+        states = self._motion.on_each(gauss_lobatto(self.settings.nodes)[0])
+        first = self._quadrature(edges[:-1], edges[1:], states)
         panel, times = crossings(first)
         if not times.size:
             return first
@@ -209,7 +210,7 @@ class Replay:
         inside = np.isin(np.searchsorted(edges, (breaks[:-1] + breaks[1:]) / 2) - 1, split)
         return first.with_panels(split, self._quadrature(breaks[:-1][inside], breaks[1:][inside]))
 
-    def _quadrature(self, begin: np.ndarray, end: np.ndarray) -> Samples:
+    def _quadrature(self, begin: np.ndarray, end: np.ndarray, state: np.ndarray | None = None) -> Samples:
         nodes, weights = gauss_lobatto(self.settings.nodes)
         h = end - begin
         t = (begin[:, None] + h[:, None] * nodes).ravel()
@@ -218,7 +219,7 @@ class Replay:
         piece = np.clip(np.searchsorted(self.edges, (begin + end) / 2) - 1, 0, len(self.edges) - 2)
         inside = np.nextafter(self.edges[1:], self.edges[:-1])
         inside[-1] = self.duration
-        state = self.at(t)
+        state = self.at(t) if state is None else state
         torque = self.control.torque(np.minimum(t, np.repeat(inside[piece], len(nodes))), state)
         return self._evaluate(t, (h[:, None] * weights).ravel(), state, len(nodes), torque)
 
@@ -250,12 +251,15 @@ def crossings(samples: Samples) -> tuple[np.ndarray, np.ndarray]:
     places = np.linspace(-1.0, 1.0, PLACES)
     kinks = samples.kinks.reshape(len(samples.kinks), -1, count)
     powers = kinks @ to_powers
-    between = powers @ np.vander(places, count, increasing=True).T
-    # What is zero but for rounding has no sign.
+    # What is zero but for rounding has no sign, and what is larger in the middle than all the rest has one.
+    sizes = np.abs(powers)
     small = np.abs(kinks).max(axis=2) < ROUNDING * np.abs(kinks).max(initial=0.0)
-    row, panel, place = np.nonzero((between[:, :, :-1] * between[:, :, 1:] < 0) & ~small[:, :, None])
+    row, panel = np.nonzero((sizes[:, :, 0] <= (1 + ROUNDING) * sizes[:, :, 1:].sum(axis=2)) & ~small)
+    between = powers[row, panel] @ np.vander(places, count, increasing=True).T
+    changes, place = np.nonzero(between[:, :-1] * between[:, 1:] < 0)
+    row, panel = row[changes], panel[changes]
     own = powers[row, panel].T
-    low, high, rising = places[place], places[place + 1], between[row, panel, place] < 0
+    low, high, rising = places[place], places[place + 1], between[changes, place] < 0
     for _ in range(BISECTIONS):
         middle = (low + high) / 2
         after = (np.polynomial.polynomial.polyval(middle, own, tensor=False) < 0) != rising

@@ -12,9 +12,10 @@ import pytest
 import xarray as xr
 
 from occ.atlas import run as atlas_run
-from occ.atlas.dataset import read_atlas, unit_of, write_atlas
+from occ.atlas.columns import Columns
+from occ.atlas.dataset import read_atlas, read_failures, write_atlas, write_failures
 from occ.atlas.grid import Grid, load_grid
-from occ.atlas.run import Block, Comparison, make_atlas
+from occ.atlas.run import Block, Comparison, Failure, Found, make_atlas
 from occ.atlas.variables import REGIMES
 from occ.errors import InputError
 from occ.experiment.child import Lost
@@ -144,20 +145,6 @@ def test_file_has_units_provenance_and_the_same_values(write: Write, tmp_path: P
     assert (tmp_path / "again" / "atlas.nc").read_bytes() == content
 
 
-@pytest.mark.parametrize(
-    ("key", "unit"),
-    [
-        ("motion.radius", "m"),
-        ("motion.rate", "rad/s"),
-        ("point.x", "m"),
-        ("platform.wheel_friction", "N m s"),
-        ("horizon", "1"),
-    ],
-)
-def test_units_of_swept_keys(key: str, unit: str) -> None:
-    assert unit_of(key) == unit
-
-
 def test_stored_points_are_not_worked_out_again(write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(atlas_run, "SIZES", {"long_run": 3, "least_work": 3})
     solved: list[Any] = []
@@ -209,9 +196,23 @@ def test_command(write: Write, occ: Occ, tmp_path: Path) -> None:
     assert "figures/long-run.svg" in text
     assert (out / "figures" / "long-run.svg").stat().st_size > 5000
     assert not (out / "failures.csv").exists()
-    again = occ("atlas", tmp_path / "tiny.toml", "--out", out)
-    assert again.stdout == result.stdout
-    assert (out / "report.md").read_text() == text
+    for command in (("atlas", tmp_path / "tiny.toml", "--out", out), ("report", out)):
+        (out / "report.md").unlink()
+        again = occ(*command)
+        assert (again.exit_code, again.stdout) == (0, result.stdout)
+        assert (out / "report.md").read_text() == text
+
+
+def test_failures_are_read_as_they_were_written(write: Write, tmp_path: Path) -> None:
+    grid = load_grid(write(atlas_text('"motion.radius" = [0.6, 0.7]\n')))
+    failures = [Failure(0, "", "failed", 'a "reason", in words'), Failure(1, "law", "infeasible", "3 N m; limit 2 N m")]
+    rows = write_failures(grid, Found(Columns(grid.size), {}, failures), tmp_path)
+    assert read_failures(tmp_path) == rows
+    assert rows[1] == ("motion.radius=0.7", "law", "infeasible", "3 N m; limit 2 N m")
+    assert write_failures(grid, Found(Columns(grid.size), {}, []), tmp_path) == read_failures(tmp_path) == []
+    (tmp_path / "failures.csv").write_text("point,reason\n0,none\n")
+    with pytest.raises(InputError, match="not a table of failures; its columns should be point, controller"):
+        read_failures(tmp_path)
 
 
 @pytest.mark.parametrize(

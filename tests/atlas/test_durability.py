@@ -200,7 +200,7 @@ class Own:
 
 
 def test_worker_killed_in_the_middle_costs_its_case_only(write: Write, tmp_path: Path) -> None:
-    path = write(atlas_text(SWEEP, "least_work"))
+    path = write(atlas_text('"motion.radius" = { from = 0.3, to = 1.0, count = 5 }\n', "least_work"))
     grid = load_grid(path)
     killed = []
 

@@ -65,16 +65,18 @@ def test_referee(benchmark: BenchmarkFixture, name: str) -> None:
 
 
 def test_one_and_two_workers(benchmark: BenchmarkFixture) -> None:
-    """Cases per second of two workers, and how many times faster than one they are; starts and builds included."""
+    """Cases per second of two workers, how many times faster than one, and memory; starts and builds included."""
     items = comparisons(int(os.environ.get(TIMED, "40")) if benchmark.enabled else 2)
-    seconds, processor = {}, {}
+    seconds, processor, memory = {}, {}, {}
     for workers in (1, 2):
         # A time limit makes one worker a process of its own, as two are.
         engine = Engine(workers=workers, time_limit=600.0)
         begin, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
         outcomes = dict(engine.each(solve, items))
         seconds[workers] = time.perf_counter() - begin
-        processor[workers] = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+        used = resource.getrusage(resource.RUSAGE_CHILDREN)
+        processor[workers] = used.ru_utime - before
+        memory[workers] = used.ru_maxrss / 1024
         assert sorted(outcomes) == list(range(len(items)))
         assert all(isinstance(outcome, bytes) for outcome in outcomes.values())
     benchmark.extra_info |= {
@@ -82,6 +84,8 @@ def test_one_and_two_workers(benchmark: BenchmarkFixture) -> None:
         "cases_per_second": {workers: len(items) / time for workers, time in seconds.items()},
         "processor_seconds_per_case": {workers: time / len(items) for workers, time in processor.items()},
         "times_faster": seconds[1] / seconds[2],
+        # The largest of all workers up to then: with one, that of all cases.
+        "memory_of_a_worker_MB": memory,
     }
     print("", *(f"{key}: {value}" for key, value in benchmark.extra_info.items()), sep="\n")
     benchmark.pedantic(solve, (items[0],), rounds=1)
