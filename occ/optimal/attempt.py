@@ -143,4 +143,5 @@ class Attempt:
         grid = f"{len(self.edges) - 1} intervals of degree {self.transcription.degree}"
         twice = f"; twice as many change the cost by {self.doubled:.1g} of it" if np.isfinite(self.doubled) else ""
         held = f"; holding the limits between nodes costs {self.dearer:.1g} of it" if self.dearer > 0.0 else ""
-        return f"error between nodes {self.error.total:.1g} on {grid}{twice}{held}"
+        proven = f"; {self.arcs.words}" if self.arcs is not None and self.arcs.words else ""
+        return f"error between nodes {self.error.total:.1g} on {grid}{twice}{held}{proven}"

@@ -7,6 +7,8 @@ p = sum_j c_j cos(j a) with s = (1 - cos a) / 2.  Around each angle of a grid of
 
 so that the largest value of p is *proven* to lie in an interval of that width (up to rounding).  How far q is from p is
 *estimated* from the last coefficients; where that is not small, the interval is halved and looked at again.
+
+This steers a search, at little cost; what it ends with is proven by `occ.optimal.limit_proof`.
 """
 
 from __future__ import annotations

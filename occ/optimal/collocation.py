@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -14,6 +14,7 @@ from occ.errors import InputError, Status
 from occ.laws.base import law_motion
 from occ.laws.servo import ServoLaw
 from occ.model.dynamics import friction_time
+from occ.objectives import objective
 from occ.optimal import homotopy
 from occ.optimal.attempt import Attempt, Method
 from occ.optimal.cost import Aim, Weights, is_non_smooth, is_regular
@@ -26,6 +27,7 @@ from occ.optimal.refinement import MOST_INTERVALS
 from occ.optimal.search import Search
 from occ.optimal.shape import EndConditions, Settings
 from occ.optimal.singular import note
+from occ.optimal.smoothing import Settled, settled
 from occ.optimal.solvers import SolverName, SolverOptions
 from occ.optimal.starts import Minimum, distinct, starts_of
 from occ.task import Claim, EndClass, Keep, Solution, Task
@@ -36,8 +38,13 @@ SINGULAR_LAYER = 0.03
 """The same where the cost has no curvature in the torque: its layers are jumps of the yaw rate."""
 NON_SMOOTH_LAYER = 0.3
 """The same where a small copper loss is all the curvature there is."""
-NON_SMOOTH_TOLERANCE = 1e-8
-"""Of the optimality conditions, where the cost has slacks."""
+NON_SMOOTH_TOLERANCE = 1e-8, 1e-2
+"""Of the optimality conditions, where the cost has slacks: at most, and in units of the tolerance between nodes.
+
+An interior point method leaves its last barrier parameter, a tenth of this, to each pair p, p - P: the slacks overpay
+by as much in every one of them, and a finer mesh has more of them."""
+LEAST_NON_SMOOTH = 1e-11
+"""Below this the solver's linear equations lose the digits of the pairs."""
 EXTRA_TURNS = 1
 """Windings that ``any`` tries beyond those between no turn and the turns of the program."""
 
@@ -164,8 +171,11 @@ class Collocation:
     @property
     def options(self) -> SolverOptions:
         """Of the solver of the nonlinear programs."""
-        # Slacks that are zero over whole arcs converge slowly; the error between nodes is larger by far.
-        tolerance = NON_SMOOTH_TOLERANCE if is_non_smooth(self.aim.terms) else SolverOptions().tolerance
+        tolerance = SolverOptions().tolerance
+        if is_non_smooth(self.aim.terms):
+            # Slacks that are zero over whole arcs converge slowly: no more than what the error between nodes asks for.
+            most, part = NON_SMOOTH_TOLERANCE
+            tolerance = max(min(most, part * self.tolerance), LEAST_NON_SMOOTH)
         return SolverOptions(
             solver=self.solver,
             compiled=self.compiled,
@@ -306,11 +316,18 @@ class Collocation:
         attempts = search.starts(self.first_mesh(task), [start.rotation for start in starts])
         minima = distinct(formulation, starts, attempts)
         attempt, reason = search.run(minima[0].attempt if minima else attempts[0])
-        statistics = {"rounds": search.rounds, "minima": [{"cost": m.cost, "starts": m.names} for m in minima]}
+        statistics: dict[str, Any] = {
+            "rounds": search.rounds,
+            "minima": [{"cost": m.cost, "starts": m.names} for m in minima],
+        }
         if attempt.outcome.status is not Status.OK or reason:
             status = attempt.outcome.status if attempt.outcome.status is not Status.OK else Status.FAILED
             return replace(failed, status=status, message=reason, statistics=statistics)
-        solution = self._solution(formulation, attempt, minima)
+        smoothed = settled(search, attempt) if self.aim.is_regularised else None
+        if smoothed is not None:
+            formulation, attempt = smoothed.search.formulation, smoothed.attempt
+            statistics |= smoothed.statistics
+        solution = self._solution(formulation, attempt, self._notes(formulation, attempt, minima, smoothed))
         given_up = [r["instead"] for r in search.rounds if "instead" in r]
         helped = [f"{len(given_up)} of {len(search.rounds)} solves by ipopt: {given_up[0]}"] if given_up else []
         return replace(
@@ -335,25 +352,25 @@ class Collocation:
             ),
         }
 
-    def _solution(self, formulation: Formulation, attempt: Attempt, minima: list[Minimum]) -> Solution:
+    def _solution(self, formulation: Formulation, attempt: Attempt, notes: list[str]) -> Solution:
         transcription, nodes, edges = attempt.transcription, attempt.outcome.nodes, attempt.edges
         return Solution(
             control=formulation.control(transcription, edges, nodes),
             start_state=formulation.start_state(nodes),
             claimed=formulation.claimed(transcription, edges, nodes),
             local_objective=None if self.objective == "weighted" or self.control == "constant" else self.objective,
-            message="; ".join(self._notes(formulation, attempt, minima)),
+            message="; ".join(notes),
         )
 
-    def _notes(self, formulation: Formulation, attempt: Attempt, minima: list[Minimum]) -> list[str]:
+    def _notes(
+        self, formulation: Formulation, attempt: Attempt, minima: list[Minimum], smoothed: Settled | None
+    ) -> list[str]:
         """What there is to say of a solution that is fine."""
         notes = [f"local optimum, {attempt.words}"]
         if not is_regular(self.aim.terms):
             notes.append(note(formulation, attempt))
-        if is_non_smooth(self.aim.terms) and self.aim.terms[-1] == "copper_loss" and self.objective != "weighted":
-            notes.append(
-                f"with {self.aim.weights[-1]:g} times the copper loss to settle what the objective leaves open"
-            )
+        if smoothed is not None:
+            notes.append(smoothed.words("units" if self.objective == "weighted" else objective(self.objective).unit))
         if self.starts > 1:
             worst = max(minimum.cost for minimum in minima)
             more = 100 * (worst / minima[0].cost - 1) if minima[0].cost > 0 else math.nan

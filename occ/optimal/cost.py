@@ -20,13 +20,14 @@ from occ.task import Keep
 REGULARISER = 1e-3
 """Copper loss, in units of the real one, that is added to a cost of powers without curvature in the torques.
 
-It smooths jumps of the velocity over a few milliseconds and moves the work by about 1e-6 of its value."""
+It smooths jumps of the velocity over a few milliseconds; what that costs is found for each solution
+(`occ.optimal.smoothing`)."""
 LARGEST_REGULARISER = 1e-5
 """[N m/J] Copper loss that is added to the largest torque."""
 LOOSE: dict[Keep, float] = {"path": 1.0, "tube": 10.0, "ends": 30.0}
 """Factor of both for each keep.  Where B may leave its path all three velocities have jumps, and wheels that may brake
-for nothing do so in pulses unless the copper loss speaks against it; in a tube the objective moves by about 2e-5 of its
-value, between the ends by about 1e-3."""
+for nothing do so in pulses unless the copper loss speaks against it.  From there on it is lowered as far as that is
+affordable."""
 SOFTER = (100.0, 10.0)
 """Factors of the added copper loss with which a search begins: each problem is the guess of the next, rougher one."""
 

@@ -32,10 +32,11 @@ class DrivenMotion:
     def __init__(self, task: Task, control: Control, start: np.ndarray) -> None:
         from scipy.integrate import solve_ivp
 
+        self.task = task
         forward = BufferedFunction(task.dynamics.functions["forward"])
         self.edges = np.concatenate([[0.0], control.knots, [task.duration]])
         self._pieces: list[Callable[[np.ndarray], np.ndarray]] = []
-        state = start
+        self.start = state = start
         for begin, end in zip(self.edges[:-1], self.edges[1:], strict=True):
             rate = _rate(forward, control.segment(begin, end))
             method = {"method": "DOP853", "dense_output": True, "rtol": TOLERANCE, "atol": TOLERANCE}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -76,6 +77,7 @@ def fine_points(degree: int) -> tuple[np.ndarray, np.ndarray]:
     return gauss_legendre(2 * degree + 2)
 
 
+@cache
 def _integration_matrix(count: int) -> np.ndarray:
     """(count, count) integrals of the Lagrange polynomials of the Gauss points from 0 to each Gauss point."""
     points, weights = gauss_legendre(count)

@@ -4,44 +4,41 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from occ.optimal.chains import Integrated
+from occ.optimal.engines import Engine
 from occ.optimal.layout import Layout
 from occ.optimal.problem import Nodes, Numbers, flat
-
-BUFFER = 1
-"""CasADi counts a function's memories: the first is that of plain calls, the second that of its first buffer."""
 
 
 class Exchange:
     """Arrays that a solver reads and writes in place.
 
     Args:
-        solver: of `casadi.nlpsol`; multipliers are neither handed in nor asked for.
+        engine: the solver.
         layout: of its unknowns and conditions.
+        parameters: how many it has.
     """
 
-    def __init__(self, solver: ca.Function, layout: Layout) -> None:
-        self._solver, self._layout, self._of_intervals = solver, layout, layout.of_intervals
-        self._buffer, self._trigger = solver.buffer()
-        unknowns, conditions = solver.numel_out("x"), solver.numel_out("g")
+    def __init__(self, engine: Engine, layout: Layout, parameters: int) -> None:
+        self._engine, self._layout, self._of_intervals = engine, layout, layout.of_intervals
+        self._ends = layout.edges[:, 0], layout.edges[:, -1]
+        unknowns, conditions = layout.unknowns, layout.conditions
         # Unknowns and conditions stand one after the other, so that their bounds are looked at together.
         self._values, self._lower, self._upper = (np.zeros(unknowns + conditions) for _ in range(3))
         self.inputs = {
             "x0": np.zeros(unknowns),
-            "p": np.zeros(solver.numel_in("p")),
+            "p": np.zeros(parameters),
             "lbx": self._lower[:unknowns],
             "ubx": self._upper[:unknowns],
             "lbg": self._lower[unknowns:],
             "ubg": self._upper[unknowns:],
         }
         self.outputs = {"x": self._values[:unknowns], "g": self._values[unknowns:], "f": np.zeros(1)}
-        for name, array in self.inputs.items():
-            self._buffer.set_arg(solver.index_in(name), array.data)
-        for name, array in self.outputs.items():
-            self._buffer.set_res(solver.index_out(name), array.data)
+        if layout.defects.size:
+            self.outputs["lam_g"] = np.zeros(conditions)
+        engine.bind(self.inputs, self.outputs)
 
     def solve(self) -> dict[str, Any]:
         """Solve with what `inputs` hold; the answer is in `outputs`.
@@ -53,15 +50,11 @@ class Exchange:
             RuntimeError: the solver stopped with an error.
             KeyboardInterrupt: somebody wants it to stop.
         """
-        try:
-            self._trigger()
-        except SystemError as error:
-            # What a signal's handler raises in the middle of compiled code arrives as the cause of this.
-            if isinstance(error.__cause__, KeyboardInterrupt):
-                raise KeyboardInterrupt from error
-            raise RuntimeError(str(error)) from error
-        statistics: dict[str, Any] = self._solver.stats(BUFFER)
-        return statistics
+        return self._engine.run()
+
+    def pace(self) -> float:
+        """[s] What an iteration takes, about, with what `inputs` hold."""
+        return self._engine.pace()
 
     def write(self, numbers: Numbers, guess: Nodes) -> None:
         """Mesh, data, parameters, bounds and guess into the solver's memory."""
@@ -73,7 +66,7 @@ class Exchange:
         if layout.memory.size:
             x0[layout.memory] = guess.edges[:, :1]
         count, data = len(numbers.edges) - 1, flat(numbers.data)
-        inputs["p"][:count] = np.diff(numbers.edges)
+        inputs["p"][:count] = _widths(numbers.edges)
         inputs["p"][count : count + data.size] = data.ravel(order="F")
         inputs["p"][count + data.size :] = numbers.parameters
         for side, extreme, none in (("lower", np.maximum, -np.inf), ("upper", np.minimum, np.inf)):
@@ -88,9 +81,9 @@ class Exchange:
             if layout.points is not None:
                 unknowns[layout.points] = bound[:, None, None]
             unknowns[layout.edges] = bound[:, None]
-        for edge, bounds in ((0, numbers.start), (-1, numbers.end)):
-            places = layout.edges[:, edge]
-            unknowns[places] = extreme(unknowns[places], getattr(bounds, side))
+        for places, bounds in zip(self._ends, (numbers.start, numbers.end), strict=True):
+            bound = getattr(bounds, side)
+            unknowns[places] = bound if numbers.state is None else extreme(unknowns[places], bound)
         if numbers.control is not None:
             unknowns[layout.control] = _by_node(getattr(numbers.control, side))
         # All other conditions are equations with zero on the right.
@@ -111,8 +104,21 @@ class Exchange:
             points = x[layout.points]
         else:
             assert maps is not None
-            points = maps.states(x[self._of_intervals], np.diff(edges))
+            points = maps.states(x[self._of_intervals], _widths(edges))
         return Nodes(x[layout.edges], points, x[layout.control])
+
+    def costates(self, weights: np.ndarray) -> np.ndarray | None:
+        """(nx, N, d) p = -lambda / w from the multipliers lambda of the defects; None where there are no defects.
+
+        Args:
+            weights: (d,) w of the quadrature on the collocation points.
+
+        Source: Betts, Practical Methods for Optimal Control and Estimation, section 4.10 (discrete adjoints); Garg et
+            al., A unified framework for the numerical solution of optimal control problems, Automatica 46 (2010).
+        """
+        if "lam_g" not in self.outputs:
+            return None
+        return np.asarray(-self.outputs["lam_g"][self._layout.defects] / weights)
 
     def violation(self, least: float) -> float:
         """Largest amount by which bounds and conditions are passed, relative to max(1, their size).
@@ -127,6 +133,10 @@ class Exchange:
         for excess, bound in ((under, self._lower), (over, self._upper)):
             excess /= np.maximum(1.0, np.where(np.isfinite(bound), np.abs(bound), 1.0))
         return float(np.maximum(under, over).max(initial=0.0))
+
+
+def _widths(edges: np.ndarray) -> np.ndarray:
+    return edges[1:] - edges[:-1]
 
 
 def _by_node(bound: np.ndarray) -> np.ndarray:

@@ -65,6 +65,12 @@ class Layout:
         return 1 + max(int(block.max()) for block in blocks if block is not None and block.size)
 
     @property
+    def only_steps(self) -> bool:
+        """There are no conditions but the steps from edge to edge and those of the path."""
+        none = (self.defects, self.steps, self.first, self.holds, *(() if self.boundary is None else (self.boundary,)))
+        return self.points is None and not any(block.size for block in none)
+
+    @property
     def of_intervals(self) -> np.ndarray:
         """(nx + d nu, N) Unknowns x_k, u_1 .. u_d of each interval."""
         controls, count, degree = self.control.shape

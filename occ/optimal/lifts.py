@@ -1,9 +1,6 @@
 """What the intervals give a program: costs, conditions and their derivatives, from those of one node.
 
-States at the nodes are unknowns, or integrals of the controls.  Both are linear maps z = Z(h) y of an interval's
-unknowns y to state and control z at its nodes, so that
-
-    gradient = Z^T dg/dz,   rows = dh/dz Z,   curvature = Z^T (d^2/dz^2) Z.
+States at the nodes are unknowns, or integrals of the controls.
 """
 
 from __future__ import annotations
@@ -15,9 +12,10 @@ import casadi as ca
 import numpy as np
 
 from occ.numeric import on_rows
-from occ.optimal.chains import Chains, integrated
+from occ.optimal.chains import Chains
 from occ.optimal.derivatives import NodeDerivatives, Pattern
 from occ.optimal.gather import Entries, columns_scaled, ordered, scattered
+from occ.optimal.intervals import IntervalMaps
 from occ.optimal.layout import Layout
 from occ.optimal.mesh import Scheme
 from occ.optimal.problem import Problem, flat
@@ -122,79 +120,20 @@ class AtNodes:
 
 
 class FromControls:
-    """States at the nodes are integrals of the controls; x_{k+1} = the end of interval k is the only condition left.
-
-    With the powers of the width taken out of y and z the map Z is constant, and the same for all intervals.
-    """
+    """States at the nodes are integrals of the controls; x_{k+1} = the end of interval k is the only condition left."""
 
     def __init__(self, problem: Problem, chains: Chains, where: Where) -> None:
         layout = where.layout
         assert layout.ends is not None
-        self._where, self._node = where, NodeDerivatives.of(in_scaled_variables(problem, chains))
-        self._map = integrated(chains, where.scheme)
+        self._where, self._maps = where, IntervalMaps(problem, chains, where.scheme)
         self._steps, self._path = layout.ends, flat(layout.path)
-        self._degree, self._nz, self._ny = self._map.points.shape
+        self._degree = self._maps.degree
         self._nx, self._count = layout.ends.shape
         self._y = layout.of_intervals
         self._given = where.unknowns(self._y)
 
-    def _powers(self, widths: ca.MX | ca.SX) -> ca.MX | ca.SX:
-        """(m, N) 1, h, h^2, ..; second derivatives have twice the largest power."""
-        powers = [widths / widths]
-        for _ in range(2 * int(self._map.powers.max(initial=0))):
-            powers.append(powers[-1] * widths)
-        return ca.vertcat(*powers)
-
-    @staticmethod
-    def _factors(powers: ca.MX | ca.SX, which: np.ndarray) -> ca.MX | ca.SX:
-        """(k, N) h^p."""
-        most, count = powers.shape
-        places = which[:, None] + most * np.arange(count)
-        return ca.reshape(powers[places.ravel(order="F").tolist()], len(which), count)
-
-    def nodes(self, y: ca.MX | ca.SX, widths: ca.MX | ca.SX) -> ca.MX | ca.SX:
-        """(nz d, N) Scaled states and controls at the nodes from the unknowns (ny, N)."""
-        scaled = y * self._factors(self._powers(widths), self._map.powers)
-        return _product(self._map.points.reshape(self._degree * self._nz, self._ny), scaled)
-
-    def pulled_gradient(self, slopes: ca.MX | ca.SX, widths: ca.MX | ca.SX) -> ca.MX | ca.SX:
-        """(ny, N) From derivatives of g at the nodes (nz d, N)."""
-        weights = ca.DM(np.repeat(self._where.scheme.weights, self._nz)) @ widths
-        values = _product(self._map.points.reshape(self._degree * self._nz, self._ny).T, slopes * weights)
-        return values * self._factors(self._powers(widths), self._map.powers)
-
-    def pulled_rows(self, slopes: ca.MX | ca.SX, widths: ca.MX | ca.SX) -> ca.MX | ca.SX:
-        """(k, N) Nonzeros from those of dh/dz at the nodes (n d, N)."""
-        matrix, _, column = self._of_rows()
-        return _product(matrix, slopes) * self._factors(self._powers(widths), self._map.powers[column])
-
-    def pulled_curvature(self, values: ca.MX | ca.SX, widths: ca.MX | ca.SX) -> ca.MX | ca.SX:
-        """(k, N) Nonzeros of the upper triangle from those at the nodes (n d, N)."""
-        matrix, row, column = self._of_curvature()
-        powers = self._map.powers[row] + self._map.powers[column]
-        return _product(matrix, values) * self._factors(self._powers(widths), powers)
-
-    def _of_rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Matrix from nonzeros at the nodes to those of an interval; rows and columns of the latter."""
-        r, a = self._node.path
-        nh = len(self._path)
-        matrix = np.zeros((self._degree, nh, self._ny, self._degree, len(r)))
-        for i in range(self._degree):
-            # Entry (condition r at point i, y_b) takes dh_r/dz_a times the map's entry (i, a, b).
-            matrix[i, r, :, i, np.arange(len(r))] = self._map.points[i, a]
-        return _nonzeros(matrix.reshape(self._degree * nh, self._ny, self._degree * len(r)))
-
-    def _of_curvature(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        pattern = self._node.curvature
-        matrix = np.zeros((self._ny, self._ny, self._degree, len(pattern[0])))
-        for i in range(self._degree):
-            for k, (a, b) in enumerate(zip(*pattern, strict=True)):
-                both = np.outer(self._map.points[i, a], self._map.points[i, b])
-                matrix[:, :, i, k] = np.triu(both if a == b else both + both.T)
-        return _nonzeros(matrix.reshape(self._ny, self._ny, self._degree * len(pattern[0])))
-
     def _arguments(self) -> list[ca.MX]:
-        z = self._by_node(self.nodes(self._given, self._where.widths))
+        z = self._by_node(self._maps.nodes(self._given, self._where.widths))
         data = ca.vertcat(self._where.data, self._where.width)
         return [z[: self._nx, :], z[self._nx :, :], data, self._where.parameters]
 
@@ -207,7 +146,7 @@ class FromControls:
         return ca.reshape(values, values.shape[0] // self._degree, self._degree * self._count)
 
     def _first(self, output: int) -> ca.MX:
-        return on_rows(self._node.gradient, *self._arguments(), shared=(3,))[output]
+        return on_rows(self._maps.node.gradient, *self._arguments(), shared=(3,))[output]
 
     def integrand(self) -> ca.MX:
         return self._first(1)
@@ -216,83 +155,37 @@ class FromControls:
         return self._first(2)
 
     def dynamics(self) -> tuple[ca.MX, np.ndarray, Entries]:
-        end, powers, table = self._map.end, self._map.powers, self._powers(self._where.widths)
-        scaled = self._given * self._factors(table, powers)
-        values = -_product(end, scaled) / self._factors(table, powers[: self._nx])
-        row, column = (index.ravel() for index in np.nonzero(end))
-        slopes = self._factors(table, powers[column] - powers[row]) * ca.repmat(
-            ca.DM(-end[row, column]), 1, self._count
-        )
+        values, slopes = self._maps.step(self._given, self._where.widths), self._maps.step_slopes(self._where.widths)
+        row, column = self._maps.step_pattern()
         return ca.vec(values), self._steps.ravel(order="F"), self._entries(slopes, self._steps[row], column)
 
     def gradient(self) -> ca.MX:
-        values = self.pulled_gradient(self._by_interval(self._first(3)), self._where.widths)
+        values = self._maps.pulled_gradient(self._by_interval(self._first(3)), self._where.widths)
         return self._spread(values)
 
     def rows(self) -> Entries:
-        return self._placed_rows(self.pulled_rows(self._by_interval(self._first(5)), self._where.widths))
+        return self._placed_rows(self._maps.pulled_rows(self._by_interval(self._first(5)), self._where.widths))
 
     def curvature(self, lam_f: ca.MX, lam_g: ca.MX) -> Entries:
         multipliers = [lam_f * self._where.weight, ca.MX(0, self._degree * self._count), _taken(lam_g, self._path)]
-        (values,) = on_rows(self._node.hessian, *self._arguments(), *multipliers, shared=(3,))
-        return self._placed_curvature(self.pulled_curvature(self._by_interval(values), self._where.widths))
+        (values,) = on_rows(self._maps.node.hessian, *self._arguments(), *multipliers, shared=(3,))
+        return self._placed_curvature(self._maps.pulled_curvature(self._by_interval(values), self._where.widths))
 
     def _spread(self, gradient: ca.MX) -> ca.MX:
         return scattered(ca.vec(gradient), self._y.ravel(order="F"), self._where.layout.unknowns)
 
     def _placed_rows(self, values: ca.MX) -> Entries:
-        _, row, column = self._of_rows()
+        row, column = self._maps.rows_pattern()
         by_point = self._where.layout.path.transpose(2, 0, 1).reshape(self._degree * len(self._path), self._count)
         return self._entries(values, by_point[row], column)
 
     def _placed_curvature(self, values: ca.MX) -> Entries:
-        _, row, column = self._of_curvature()
+        row, column = self._maps.curvature_pattern()
         placed = self._entries(values, self._y[row], column)
         return Entries(placed.values, *ordered(placed.rows, placed.columns))
 
     def _entries(self, values: ca.MX, rows: np.ndarray, column: np.ndarray) -> Entries:
         return Entries(ca.vec(values), rows.ravel(order="F"), self._y[column].ravel(order="F"))
-
-
-def in_scaled_variables(problem: Problem, chains: Chains) -> Problem:
-    """Integrand and path conditions of X = h^w x and U = h^v u; the width is the last of the node data.
-
-    Args:
-        problem: whose rates are chains.
-        chains: with the powers.
-
-    Returns:
-        A problem without rates.
-    """
-    width = ca.SX.sym("width")
-    nx = problem.state.numel()
-    z = ca.vertcat(problem.state, problem.control)
-    real = ca.vertcat(*(z[k] / width ** int(power) if power else z[k] for k, power in enumerate(chains.powers)))
-    integrand, path = ca.substitute(
-        [problem.integrand, problem.path], [problem.state, problem.control], [real[:nx], real[nx:]]
-    )
-    return Problem(
-        state=problem.state,
-        control=problem.control,
-        data=ca.vertcat(problem.data, width),
-        parameters=problem.parameters,
-        start=problem.start,
-        end=problem.end,
-        rate=ca.SX(0, 1),
-        integrand=integrand,
-        path=path,
-    )
-
-
-def _product(matrix: np.ndarray, columns: ca.MX | ca.SX) -> ca.MX | ca.SX:
-    """A constant matrix, its zeros left out, times columns."""
-    return ca.mtimes(ca.sparsify(ca.DM(matrix)), columns)
-
-
-def _nonzeros(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of a matrix (rows, columns, k): rows of k factors for the entries that are not zero by structure, and where."""
-    row, column = np.nonzero(matrix.any(axis=2))
-    return matrix[row, column], row, column
 
 
 def _taken(lam_g: ca.MX, numbers: np.ndarray) -> ca.MX:

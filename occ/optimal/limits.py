@@ -49,6 +49,21 @@ def limit_values(limits: Limits, wheel_count: int) -> np.ndarray:
     return np.array(values)
 
 
+def rows_of(names: tuple[str, ...], wheel_count: int) -> dict[str, np.ndarray]:
+    """Which of the `limit_values` belong to which limited quantity.
+
+    Args:
+        names: of the limited quantities.
+        wheel_count: n.
+
+    Returns:
+        Numbers of the rows of each.
+    """
+    sizes = [1 if name == "platform_speed" else wheel_count for name in names]
+    ends = np.cumsum(sizes)
+    return {name: np.arange(end - size, end) for name, size, end in zip(names, sizes, ends, strict=True)}
+
+
 _WORDS = {
     "torque": ("torque", "N m"),
     "wheel_speed": ("speed", "rad/s"),
@@ -137,6 +152,10 @@ class LimitedArcs:
         node_load: (k, N d) the same at the collocation points.
         hard: so many of the rows are limits of the task; the others follow the solution (the largest torque).
         clipped: (j, N, m) powers whose positive parts are counted.
+        proven: names of the limited quantities whose bounds are proven for the motion that is handed over; those of the
+            others are proven for polynomials only, and their distance from the motion is estimated.
+        estimated: names of those others.
+        remainder: largest distance from a polynomial that the proven bounds contain, relative to the limit.
     """
 
     t: np.ndarray
@@ -146,6 +165,20 @@ class LimitedArcs:
     node_load: np.ndarray
     hard: int
     clipped: np.ndarray
+    proven: tuple[str, ...] = ()
+    estimated: tuple[str, ...] = ()
+    remainder: float = np.nan
+
+    @property
+    def words(self) -> str:
+        """What is proven of the limits between the nodes, for a message; empty before anything is looked at."""
+        listed, others = (" and ".join(names).replace("_", " ") for names in (self.proven, self.estimated))
+        if not self.proven:
+            return f"limits of {others} estimated between nodes" if others else ""
+        rest = f", of {others} estimated" if others else ""
+        return (
+            f"limits of {listed} proven between nodes on its motion, remainders of {self.remainder:.0e} included{rest}"
+        )
 
     @property
     def excess(self) -> np.ndarray:

@@ -7,24 +7,14 @@ the functions itself, to the same bits.
 
 from __future__ import annotations
 
-import hashlib
-import os
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Sequence
-from functools import cache
-from pathlib import Path
 
 import casadi as ca
 
+from occ.compiler import NotInC, library
+
 LANES = 2
 """What the registers of every 64-bit processor hold, without a word about its model."""
-COMPILERS = ("cc", "gcc", "clang")
-FLAGS = ("-std=gnu99", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-w")
-"""A fused multiply-add would round once where CasADi rounds twice."""
-LONGEST = 120.0
-"""[s] A compiler that takes longer is stopped."""
 FORMS = {
     ca.OP_ASSIGN: "{0}",
     ca.OP_ADD: "{0} + {1}",
@@ -53,10 +43,6 @@ HEADER = [
         for name in LIBRARY.values()
     ),
 ]
-
-
-class NotInC(Exception):
-    """A function has an operation that is not in the tables, or there is no working compiler."""
 
 
 class Source:
@@ -101,6 +87,11 @@ class Source:
             names[into[0]] = f"x{k}"
         self._lines.append("}")
 
+    def write(self, *lines: str | Sequence[str]) -> None:
+        """Lines of C as they are; those in a sequence are set in."""
+        for line in lines:
+            self._lines += [line] if isinstance(line, str) else [f"  {each}" for each in line]
+
     def external(
         self, name: str, sizes: Sequence[int], shared: Sequence[int], result: int, body: Sequence[str]
     ) -> None:
@@ -141,15 +132,20 @@ class Source:
         ]
         self._names.append(name)
 
+    @property
+    def text(self) -> str:
+        """All that has been written."""
+        return "\n".join([*self._lines, ""])
+
     def load(self) -> dict[str, ca.Function]:
         """The external functions, compiled now if it is the first time.
 
         Raises:
             NotInC: no working compiler.
         """
-        library = _built("\n".join([*self._lines, ""]))
+        path = library(self.text)
         try:
-            return {name: ca.external(name, str(library)) for name in self._names}
+            return {name: ca.external(name, str(path)) for name in self._names}
         except RuntimeError as error:
             raise NotInC(str(error)) from error
 
@@ -177,42 +173,5 @@ def at_many(function: ca.Function, arguments: Sequence[ca.MX], shared: Sequence[
     return values[:, :count] if missing else values
 
 
-def folder() -> Path:
-    """Where compiled functions are kept: `occ/functions` in `XDG_CACHE_HOME`, or in `~/.cache`."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "occ" / "functions"
-
-
 def _all_lanes(value: str) -> str:
     return "(lanes){" + ", ".join([value] * LANES) + "}"
-
-
-def _built(source: str) -> Path:
-    path, version = _compiler()
-    key = hashlib.sha256("\0".join((version, *FLAGS, source)).encode()).hexdigest()[:32]
-    library = folder() / f"{key}.so"
-    try:
-        if not library.exists():
-            library.parent.mkdir(parents=True, exist_ok=True)
-            # In a place of its own first: nobody ever finds half a library.
-            with tempfile.TemporaryDirectory(dir=library.parent) as place:
-                (Path(place) / "code.c").write_text(source)
-                command = [path, *FLAGS, "code.c", "-lm", "-o", "code.so"]
-                subprocess.run(command, cwd=place, capture_output=True, check=True, timeout=LONGEST)
-                (Path(place) / "code.so").replace(library)
-    except (OSError, subprocess.SubprocessError) as error:
-        raise NotInC(str(error)) from error
-    return library
-
-
-@cache
-def _compiler() -> tuple[str, str]:
-    """Path and version of the C compiler."""
-    for name in COMPILERS:
-        path = shutil.which(name)
-        if path is None:
-            continue
-        told = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
-        if told.returncode == 0:
-            return path, told.stdout.splitlines()[0]
-    raise NotInC("no C compiler")

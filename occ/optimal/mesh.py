@@ -70,6 +70,7 @@ def scheme(name: SchemeName, degree: int) -> Scheme:
     return Scheme(points, derivative, np.array([p(1.0) for p in basis]), weights)
 
 
+@cache
 def gauss_legendre(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Nodes and weights of the Gauss-Legendre rule on [0, 1].
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
+from heapq import heapify, heappop, heappush
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,7 +18,7 @@ import numpy as np
 from occ.errors import Status
 from occ.optimal.attempt import Attempt, Grid, Guess, Method, transcription_of
 from occ.optimal.error import ErrorEstimate, estimate_error, fine_points
-from occ.optimal.mesh import bisect
+from occ.optimal.mesh import SchemeName, scheme
 from occ.optimal.problem import Nodes, Numbers, Problem
 from occ.optimal.transcription import Transcription
 
@@ -24,6 +26,8 @@ MOST_INTERVALS = 2000
 MOST_DEGREE = 12
 ROUNDS = 24
 """Meshes that are tried at most."""
+TOGETHER = 10.0
+"""All solves together may take so many times as long as one of them."""
 STALL = 5
 """Refinements in which the error should at least halve."""
 LOW_DEGREE = 4
@@ -31,6 +35,9 @@ LOW_DEGREE = 4
 SMOOTH = 1.2
 """Coefficients of a control or a rate that fall at least like exp(-1.2 j) are those of a smooth arc: raising the degree
 by two then gains more than cutting the interval in two, for the same number of unknowns."""
+GAIN = 1 / 16
+"""What is left of an interval's error when it is cut in two, for the choice of the next mesh; it is more where arcs are
+rough and less where they are smooth."""
 
 
 NumbersOf = Callable[[Transcription, np.ndarray], Numbers]
@@ -56,6 +63,7 @@ class Refinement:
         method: how.
 
     Attributes:
+        most_intervals: of a mesh.
         rounds: what each solve gave, for the record.
     """
 
@@ -63,10 +71,17 @@ class Refinement:
 
     def __init__(self, problem: Problem, posed: Posed, method: Method) -> None:
         self.problem, self.posed, self.method = problem, posed, method
+        self.most_intervals = MOST_INTERVALS
         self.rounds: list[dict[str, Any]] = []
 
     def attempt(
-        self, grid: Grid, before: Attempt | Guess, *, restart: bool = False, numbers: NumbersOf | None = None
+        self,
+        grid: Grid,
+        before: Attempt | Guess,
+        *,
+        restart: bool = False,
+        numbers: NumbersOf | None = None,
+        look: bool = True,
     ) -> Attempt:
         """Solve on a mesh.
 
@@ -75,9 +90,10 @@ class Refinement:
             before: a solution on another one, or a guess.
             restart: the one before is as good as the solution: start with a small barrier.
             numbers: of the problem; None for those that are posed.
+            look: between the nodes, too, where there is a solution.
 
         Returns:
-            The attempt, looked at between its nodes.
+            The attempt.
         """
         transcription = transcription_of(self.problem, grid.intervals, grid.degree, grid.scheme, self.method.options)
         given = (numbers or self.posed.numbers)(transcription, grid.edges)
@@ -85,9 +101,11 @@ class Refinement:
             guess = resample(before.transcription, before.edges, before.outcome.nodes, transcription, grid.edges)
         else:
             guess = before(transcription, grid.edges)
-        return self.solved(transcription, given, guess, restart)
+        return self.solved(transcription, given, guess, restart, look)
 
-    def solved(self, transcription: Transcription, numbers: Numbers, guess: Nodes, restart: bool = False) -> Attempt:
+    def solved(
+        self, transcription: Transcription, numbers: Numbers, guess: Nodes, restart: bool = False, look: bool = True
+    ) -> Attempt:
         """Solve with these numbers, and look between the nodes.
 
         Args:
@@ -95,13 +113,14 @@ class Refinement:
             numbers: on it.
             guess: to start from.
             restart: the guess is the solution of a problem nearby.
+            look: between the nodes.
 
         Returns:
             The attempt.
         """
         outcome = transcription.solve(numbers, guess, restart)
         attempt = Attempt(transcription, numbers, outcome, guess)
-        if outcome.status is Status.OK:
+        if look and outcome.status is Status.OK:
             attempt = self.looked_at(attempt)
         self.rounds.append(
             outcome.statistics
@@ -109,7 +128,7 @@ class Refinement:
                 "intervals": transcription.intervals,
                 "degree": transcription.degree,
                 "error": attempt.error.total if attempt.error else None,
-                "excess": attempt.hard_excess,
+                "excess": attempt.hard_excess if attempt.error else None,
             }
         )
         return attempt
@@ -133,8 +152,8 @@ class Refinement:
         return attempt
 
     def on_doubled_mesh(self, attempt: Attempt) -> Attempt:
-        """The same problem with every interval cut in two."""
-        return self.attempt(attempt.grid.doubled, attempt, restart=True)
+        """The same problem with every interval cut in two, solved only."""
+        return self.attempt(attempt.grid.doubled, attempt, restart=True, look=False)
 
     def explained(self, attempt: Attempt) -> Attempt:
         """An attempt without a solution, with the reason in its message."""
@@ -172,14 +191,20 @@ class Refinement:
                 errors.append(error)
                 if len(errors) > self.stall and min(errors[-self.stall :]) > errors[-1 - self.stall] / 2:
                     break
-            if grid.intervals > MOST_INTERVALS:
+            if grid.intervals > self.most_intervals or self._out_of_time:
                 break
             attempt = self.attempt(grid, attempt)
         reasons = self.shortcomings(attempt) or ["a mesh with twice as many intervals still changes the cost by more"]
+        if self._out_of_time:
+            reasons.append(f"all solves together used their time, {TOGETHER * self.method.options.seconds:g} s,")
         return attempt, (
             f"{' and '.join(reasons)} after {len(self.rounds)} solves, the last mesh of "
             f"{attempt.grid.intervals} intervals of degree {attempt.grid.degree}; tolerance {self.method.tolerance:g}"
         )
+
+    @property
+    def _out_of_time(self) -> bool:
+        return sum(each.get("seconds", 0.0) for each in self.rounds) > TOGETHER * self.method.options.seconds
 
     def shortcomings(self, attempt: Attempt) -> list[str]:
         """What is not good enough in the last attempt, in words."""
@@ -198,7 +223,7 @@ class Refinement:
         cost = twice.outcome.cost
         change = abs(cost - attempt.outcome.cost) / max(1.0, abs(cost))
         if change > self.method.tolerance:
-            return False, twice
+            return False, self.looked_at(twice)
         growth = np.abs(twice.outcome.nodes.control).max() / np.abs(attempt.outcome.nodes.control).max(initial=1e-300)
         return True, replace(attempt, doubled=change, growth=float(growth))
 
@@ -235,9 +260,7 @@ def decay(transcription: Transcription, nodes: Nodes) -> np.ndarray:
     points, degree = transcription.scheme.points, transcription.degree
     _, rates, control = transcription.interpolate(nodes, points)
     values = np.concatenate([rates, control])
-    # Values at the points -> Legendre coefficients.
-    basis = np.polynomial.legendre.legvander(2 * points - 1, degree - 1)
-    coefficients = np.abs(values @ np.linalg.inv(basis).T)
+    coefficients = np.abs(values @ _to_legendre(transcription.name, degree))
     size = coefficients.max(axis=2, keepdims=True)
     overall = np.abs(values).max(axis=(1, 2), keepdims=True)
     # What is below rounding tells nothing; a last coefficient that happens to vanish, little.
@@ -246,10 +269,19 @@ def decay(transcription: Transcription, nodes: Nodes) -> np.ndarray:
     return np.asarray((-np.log(tail) / (degree - 1)).min(axis=0))
 
 
-def refine(edges: np.ndarray, error: ErrorEstimate, tolerance: float) -> np.ndarray:
-    """Bisect the intervals that contribute most, until those that remain could meet the tolerance together.
+@cache
+def _to_legendre(name: SchemeName, degree: int) -> np.ndarray:
+    """(d, d) From values at a scheme's points to coefficients of Legendre's polynomials."""
+    basis = np.polynomial.legendre.legvander(2 * scheme(name, degree).points - 1, degree - 1)
+    return np.asarray(np.linalg.inv(basis).T)
 
-    The number of intervals is rounded up to a multiple of eight, so that cases of a sweep share their programs.
+
+def refine(edges: np.ndarray, error: ErrorEstimate, tolerance: float) -> np.ndarray:
+    """Cut the intervals that contribute most in two until all together could meet the tolerance.
+
+    Where the better half of the intervals is good enough, those in the layers are cut again and again in one go; where
+    the error is everywhere, once.  The number of intervals is rounded up to a multiple of eight, so that cases of a
+    sweep share their programs.
 
     Args:
         edges: (N + 1,).
@@ -259,15 +291,17 @@ def refine(edges: np.ndarray, error: ErrorEstimate, tolerance: float) -> np.ndar
     Returns:
         A finer mesh.
     """
-    each = error.each
-    order = np.argsort(-each)
-    remaining = each.sum() - np.cumsum(each[order])
-    needed = 1 + int(np.argmax(remaining <= tolerance / 2))
-    count = len(each)
-    target = 8 * -(-(count + needed) // 8)
-    marked = np.zeros(count, dtype=bool)
-    marked[order[: min(target - count, count)]] = True
-    return bisect(edges, marked)
+    worst = [(-e, begin, end) for e, begin, end in zip(error.each, edges[:-1], edges[1:], strict=True)]
+    heapify(worst)
+    left, most = error.each.sum(), 2 * len(worst)
+    gain = GAIN if np.sort(error.each)[: len(worst) // 2].sum() <= tolerance / 2 else 0.0
+    while len(worst) < most and (left > tolerance / 2 or len(worst) % 8 or len(worst) == most // 2):
+        each, begin, end = heappop(worst)
+        half, middle = each * gain / 2, (begin + end) / 2
+        left += each - 2 * half
+        heappush(worst, (half, begin, middle))
+        heappush(worst, (half, middle, end))
+    return np.sort([edges[0], *(end for _, _, end in worst)])
 
 
 def resample(old: Transcription, old_edges: np.ndarray, nodes: Nodes, new: Transcription, edges: np.ndarray) -> Nodes:

@@ -15,9 +15,12 @@ from occ.optimal.between import limited_arcs
 from occ.optimal.cost import is_regular
 from occ.optimal.elastic import explained
 from occ.optimal.formulation import Formulation, Rotation
+from occ.optimal.limit_proof import with_proof
 from occ.optimal.limits import with_knots
+from occ.optimal.mesh import bisect
 from occ.optimal.problem import Nodes, Numbers
 from occ.optimal.refinement import NumbersOf, Refinement
+from occ.optimal.starts import same_minimum
 from occ.optimal.transcription import Transcription
 
 STALL = 3
@@ -36,7 +39,8 @@ PATIENCE = 100.0
 """Mean excess over limits, in units of the tolerance, from which on a back-off is tried where the cost has no curvature
 in the torques: there the jumps of the control are short and cost next to nothing."""
 HELD = 3e-7
-"""A limit is held if it is passed by at most this, relative to it; the referee allows three times as much."""
+"""A limit is held if it is passed by at most this, relative to it, by a proven bound where there is one; the referee
+allows three times as much."""
 
 
 class Search(Refinement):
@@ -67,31 +71,56 @@ class Search(Refinement):
             One attempt for each.
         """
         grid = Grid(edges=edges, degree=self.method.degree, scheme=self.formulation.settings.scheme)
-        guesses = [partial(self.formulation.guess, rotation=rotation) for rotation in rotations]
-        return [self.attempt(grid, self._softened(grid, guess)) for guess in guesses]
-
-    def _softened(self, grid: Grid, before: Attempt | Guess) -> Attempt | Guess:
-        """The solution of the task with more of the copper loss that settles what its objective leaves open."""
+        starts: list[Attempt | Guess] = [partial(self.formulation.guess, rotation=rotation) for rotation in rotations]
+        # First with more of the copper loss that settles what the objective leaves open.
         for formulation in self.formulation.softer():
             softer = Search(formulation, self.method)
-            attempt = softer.attempt(grid, before)
-            before = attempt if attempt.outcome.status is Status.OK else before
+            starts = softer._met(grid, starts)
             self.rounds.extend(softer.rounds)
-        return before
+        return self._from_each(grid, starts)
+
+    def _from_each(self, grid: Grid, starts: Sequence[Attempt | Guess]) -> list[Attempt]:
+        """A solve from each start; one for those that are the same, none where one has failed before."""
+        found: dict[int, Attempt] = {}
+        for start in starts:
+            if isinstance(start, Attempt) and start.outcome.status is not Status.OK:
+                found[id(start)] = start
+            elif id(start) not in found:
+                found[id(start)] = self.attempt(grid, start)
+        return [found[id(start)] for start in starts]
+
+    def _met(self, grid: Grid, starts: Sequence[Attempt | Guess]) -> list[Attempt | Guess]:
+        """The solution from each start, the same one where they met in one minimum; the starts where there is none."""
+        met: list[Attempt] = []
+        attempts = self._from_each(grid, starts)
+        for k, attempt in enumerate(attempts):
+            if attempt.outcome.status is Status.OK:
+                twins = (other for other in met if same_minimum(self.formulation, other, attempt))
+                attempts[k] = next(twins, attempt)
+                met += [attempts[k]] if attempts[k] is attempt else []
+        return list(attempts) if met else list(starts)
 
     def attempt(
-        self, grid: Grid, before: Attempt | Guess, *, restart: bool = False, numbers: NumbersOf | None = None
+        self,
+        grid: Grid,
+        before: Attempt | Guess,
+        *,
+        restart: bool = False,
+        numbers: NumbersOf | None = None,
+        look: bool = True,
     ) -> Attempt:
         # Where slacks choose between their two bounds, a start with a large barrier would choose again.
         near = isinstance(before, Attempt) and bool(self.formulation.shape.slacks or self.formulation.shape.peaks)
-        attempt = super().attempt(grid, before, restart=restart or near, numbers=numbers)
+        attempt = super().attempt(grid, before, restart=restart or near, numbers=numbers, look=look)
         if near and attempt.outcome.status is not Status.OK:
-            attempt = super().attempt(grid, before, numbers=numbers)
+            attempt = super().attempt(grid, before, numbers=numbers, look=look)
         return attempt
 
-    def solved(self, transcription: Transcription, numbers: Numbers, guess: Nodes, restart: bool = False) -> Attempt:
+    def solved(
+        self, transcription: Transcription, numbers: Numbers, guess: Nodes, restart: bool = False, look: bool = True
+    ) -> Attempt:
         guess = self.formulation.with_slacks(transcription, numbers.edges, guess)
-        return super().solved(transcription, numbers, guess, restart)
+        return super().solved(transcription, numbers, guess, restart, look)
 
     def run(self, first: Attempt) -> tuple[Attempt, str]:
         """Place knots, then solve until error and limits hold between the nodes.
@@ -133,7 +162,7 @@ class Search(Refinement):
     def finished(self, attempt: Attempt) -> Attempt | Grid:
         """Limits held between the nodes, too; where that fails or costs too much, a finer mesh for it."""
         self._tightening = None
-        attempt = self._hitting(attempt)
+        attempt = self._proven(self._hitting(attempt))
         if attempt.outcome.status is not Status.OK or attempt.hard_excess <= HELD:
             return attempt
         if attempt.excess_share <= self._patience * self.method.tolerance:
@@ -143,13 +172,17 @@ class Search(Refinement):
         jumps = attempt.passes(JUMP)
         return replace(attempt.grid, edges=quartered(attempt.edges, jumps if jumps.any() else attempt.passes(HELD)))
 
+    def _proven(self, attempt: Attempt) -> Attempt:
+        """An attempt that seems to hold its limits with the proof of it, or of the contrary."""
+        return with_proof(self.formulation, attempt) if attempt.hard_excess <= HELD else attempt
+
     def _backed_off(self, attempt: Attempt) -> Attempt:
         """The last of several solves with tighter and tighter limits."""
         # An optimum that holds its limits at the nodes only costs no more than one that holds them everywhere.
         least, best = attempt.outcome.cost, attempt
         for _ in range(BACKOFFS):
             self._tightening = tightened(self.formulation, best, self._tightening)
-            best = self._tighter(best, self._tightening)
+            best = self._proven(self._tighter(best, self._tightening))
             best = replace(best, dearer=(best.outcome.cost - least) / max(1.0, abs(least)))
             if best.hard_excess <= HELD or not self._is_affordable(best):
                 break
@@ -192,7 +225,7 @@ class Search(Refinement):
         if self._tightening is None:
             return super().on_doubled_mesh(attempt)
         numbers = partial(self._tight_numbers, self._tightening.doubled)
-        return self.attempt(attempt.grid.doubled, attempt, restart=True, numbers=numbers)
+        return self.attempt(attempt.grid.doubled, attempt, restart=True, numbers=numbers, look=False)
 
     def explained(self, attempt: Attempt) -> Attempt:
         """The attempt with the contradicting limits named, where they are what keeps it from a solution."""
@@ -204,7 +237,8 @@ class Search(Refinement):
         """Move edges to the switching times while that lowers what is wrong between the nodes."""
         best, base = first, first.edges
         for _ in range(KNOT_ROUNDS):
-            if best.arcs is None or best.badness <= self.method.tolerance:
+            # Less than that will be taken off the limits.
+            if best.arcs is None or best.badness <= self._patience * self.method.tolerance:
                 break
             edges = with_knots(base, best.arcs.switching_times(), self._kept)
             attempt = self.attempt(replace(best.grid, edges=edges), best)
@@ -217,6 +251,9 @@ class Search(Refinement):
 def quartered(edges: np.ndarray, marked: np.ndarray) -> np.ndarray:
     """A mesh with every marked interval cut into four.
 
+    The number of intervals is rounded up to a multiple of eight by halving the widest ones, so that cases of a sweep
+    share their programs.
+
     Args:
         edges: (N + 1,) [s].
         marked: (N,) of booleans.
@@ -225,4 +262,7 @@ def quartered(edges: np.ndarray, marked: np.ndarray) -> np.ndarray:
         (M + 1,) [s].
     """
     quarters = edges[:-1, None] + np.diff(edges)[:, None] * np.array([0.25, 0.5, 0.75])
-    return np.sort(np.concatenate([edges, quarters[marked].ravel()]))
+    finer = np.sort(np.concatenate([edges, quarters[marked].ravel()]))
+    missing = -(len(finer) - 1) % 8
+    widest = np.argsort(-np.diff(finer), kind="stable")[:missing]
+    return bisect(finer, np.isin(np.arange(len(finer) - 1), widest))

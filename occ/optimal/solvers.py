@@ -12,6 +12,7 @@ from annotated_types import Ge
 
 from occ.checks import Positive, check_fields
 from occ.errors import Status
+from occ.optimal.engines import NOT_FINITE
 from occ.optimal.layout import Stages
 from occ.optimal.program import Program
 
@@ -41,6 +42,7 @@ class SolverOptions:
         barrier: parameter of the barrier at the start; None is the solver's own choice.
         compiled: the problem's functions in machine code, made by this machine's C compiler and kept for other
             processes: a few seconds for a new problem, faster solves ever after, the same numbers to the last bit.
+            Where the states are integrals of the controls, FATROP then has no CasADi in between.
 
     Raises:
         InputError: a value that the solvers do not take.
@@ -107,7 +109,6 @@ def nonlinear_solver(
     Returns:
         The solver; multipliers are never handed in.
     """
-    own: dict[str, Any] = {"tol": options.tolerance, "max_iter": options.iterations, "print_level": 0}
     general: dict[str, Any] = {
         "print_time": False,
         # Multipliers of the parameters would cost as much as the solution, and nobody asks for them.
@@ -118,7 +119,7 @@ def nonlinear_solver(
     }
     if options.solver == "ipopt":
         general["no_nlp_grad"] = True
-        own |= {
+        own = _settings(options, restart) | {
             "sb": "yes",
             "linear_solver": options.linear_solver,
             "constr_viol_tol": options.tolerance,
@@ -127,7 +128,7 @@ def nonlinear_solver(
         }
     else:
         assert sizes is not None
-        own["tol"] = max(options.tolerance, FATROP_BOUNDED) if bounded else options.tolerance
+        own = fatrop_settings(options, bounded=bounded, restart=restart)
         general |= {
             "structure_detection": "manual",
             "N": len(sizes.states) - 1,
@@ -135,18 +136,36 @@ def nonlinear_solver(
             "nu": sizes.controls.tolist(),
             "ng": sizes.conditions.tolist(),
         }
+    return ca.nlpsol("collocation", options.solver, program.nlp, general | {options.solver: own})
+
+
+def fatrop_settings(options: SolverOptions, *, bounded: bool, restart: bool) -> dict[str, float]:
+    """By FATROP's own names.
+
+    Args:
+        options: as of `nonlinear_solver`.
+        bounded: with inequalities.
+        restart: for starts from a solution nearby.
+    """
+    tolerance = max(options.tolerance, FATROP_BOUNDED) if bounded else options.tolerance
+    return _settings(options, restart) | {"tol": tolerance}
+
+
+def _settings(options: SolverOptions, restart: bool) -> dict[str, Any]:
+    """Those that both solvers call by the same name."""
+    own: dict[str, Any] = {"tol": options.tolerance, "max_iter": options.iterations, "print_level": 0}
     if options.barrier is not None:
         own["mu_init"] = options.barrier
     if restart:
         own |= {"mu_init": RESTART, "bound_push": RESTART, "bound_frac": RESTART}
-    return ca.nlpsol("collocation", options.solver, program.nlp, general | {options.solver: own})
+    return own
 
 
 _WORDS = {
     "Infeasible_Problem_Detected": (Status.INFEASIBLE, "the solver found the constraints to contradict each other"),
     "Maximum_Iterations_Exceeded": (Status.FAILED, "the solver used all its {iterations} iterations"),
     "Maximum_WallTime_Exceeded": (Status.FAILED, "the solver used all its time, {seconds:g} s"),
-    "Invalid_Number_Detected": (Status.FAILED, "a function of the problem is not finite"),
+    NOT_FINITE: (Status.FAILED, "a function of the problem is not finite"),
 }
 
 
@@ -171,7 +190,7 @@ def read_verdict(statistics: dict[str, Any], options: SolverOptions, effort: Eff
     if statistics["success"]:
         return Verdict(Status.OK, "", statistics=kept)
     reason, gave_up = str(statistics["return_status"]), False
-    if options.solver == "fatrop":
+    if options.solver == "fatrop" and reason != NOT_FINITE:
         # FATROP says no more than that it failed.
         out = kept["iterations"] >= effort.iterations
         reason = "no solution: it found no step that makes progress"
@@ -184,4 +203,4 @@ def read_verdict(statistics: dict[str, Any], options: SolverOptions, effort: Eff
     kept["exhausted"] = reason.startswith("Maximum_")
     status, words = _WORDS.get(reason, (Status.FAILED, f"the solver stopped with {reason}"))
     message = words.format(iterations=options.iterations, seconds=options.seconds)
-    return Verdict(status, message, reason == "Invalid_Number_Detected", gave_up, kept)
+    return Verdict(status, message, reason == NOT_FINITE, gave_up, kept)

@@ -123,7 +123,7 @@ def distinct(formulation: Formulation, starts: Sequence[NamedStart], attempts: S
     )
     for k in order:
         for j, minimum in enumerate(found):
-            if _same(formulation, minimum.attempt, attempts[k]):
+            if same_minimum(formulation, minimum.attempt, attempts[k]):
                 found[j] = Minimum(minimum.attempt, (*minimum.names, starts[k].name))
                 break
         else:
@@ -131,7 +131,17 @@ def distinct(formulation: Formulation, starts: Sequence[NamedStart], attempts: S
     return found
 
 
-def _same(formulation: Formulation, one: Attempt, other: Attempt) -> bool:
+def same_minimum(formulation: Formulation, one: Attempt, other: Attempt) -> bool:
+    """Whether two solutions on one mesh agree in cost and heading.
+
+    Args:
+        formulation: for headings.
+        one: a solution.
+        other: another one.
+
+    Returns:
+        True where both are closer than `SAME_COST` and `SAME_HEADING`.
+    """
     cost = one.outcome.cost
     if abs(cost - other.outcome.cost) > SAME_COST * max(1.0, abs(cost)):
         return False

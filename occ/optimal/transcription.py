@@ -7,20 +7,24 @@ scheme); widths, node data, parameters and bounds are numbers that are written i
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from occ.compiler import NotInC
 from occ.errors import Status
 from occ.numeric import evaluate_many
 from occ.optimal.chains import Chains, integrated
+from occ.optimal.direct import DirectCode, DirectSolver
+from occ.optimal.engines import CasadiEngine, Engine
 from occ.optimal.exchange import Exchange
 from occ.optimal.layout import Layout, blocks, stages
 from occ.optimal.mesh import Scheme, SchemeName, scheme
 from occ.optimal.problem import Nodes, Numbers, Problem, flat
 from occ.optimal.program import Program, collocation_program
-from occ.optimal.solvers import PATIENCE, Effort, SolverOptions, nonlinear_solver, read_verdict
+from occ.optimal.solvers import PATIENCE, Effort, SolverOptions, fatrop_settings, nonlinear_solver, read_verdict
 from occ.trajectory import lagrange_basis
 
 VIOLATION = 1e-6
@@ -37,6 +41,7 @@ class Outcome:
         cost: claimed value of the objective.
         nodes: the solution.
         statistics: iterations and times.
+        costates: (nx, N, d) p at the collocation points, of H = g + p . f; None where the solver has none.
     """
 
     status: Status
@@ -44,6 +49,7 @@ class Outcome:
     cost: float
     nodes: Nodes
     statistics: dict[str, Any]
+    costates: np.ndarray | None = None
 
 
 class _Variant(NamedTuple):
@@ -90,9 +96,10 @@ class Transcription:
         self.scheme: Scheme = scheme(name, degree)
         self.options = options or SolverOptions()
         self._node = problem.node_function()
-        chains = Chains.of(problem) if self.options.solver == "fatrop" else None
-        self._maps = None if chains is None else integrated(chains, self.scheme)
-        self._programs: dict[tuple[bool, bool], tuple[Program, Layout]] = {}
+        self._chains = Chains.of(problem) if self.options.solver == "fatrop" else None
+        self._maps = None if self._chains is None else integrated(self._chains, self.scheme)
+        self._layouts: dict[tuple[bool, bool], Layout] = {}
+        self._programs: dict[tuple[bool, bool], Program] = {}
         self._solvers: dict[_Variant, Exchange] = {}
         self._paces: dict[tuple[bool, bool], float] = {}
         self._other: Transcription | None = None
@@ -113,26 +120,50 @@ class Transcription:
         integrated = self._maps is not None and not states
         return _Variant(bounded, boundary, integrated, restart, min(self.options.iterations, PATIENCE))
 
-    def _program(self, boundary: bool, integrated: bool) -> tuple[Program, Layout]:
+    def _layout(self, boundary: bool, integrated: bool) -> Layout:
+        key = boundary, integrated
+        if key not in self._layouts:
+            if self.options.solver == "ipopt":
+                self._layouts[key] = blocks(self.problem, self.scheme, self.intervals)
+            else:
+                self._layouts[key] = stages(self.problem, self.scheme, self.intervals, boundary, integrated)
+        return self._layouts[key]
+
+    def _program(self, boundary: bool, integrated: bool) -> Program:
         key = boundary, integrated
         if key not in self._programs:
-            ipopt = self.options.solver == "ipopt"
-            if ipopt:
-                layout = blocks(self.problem, self.scheme, self.intervals)
-            else:
-                layout = stages(self.problem, self.scheme, self.intervals, boundary, integrated)
-            program = collocation_program(
-                self.problem, self.scheme, layout, upper=ipopt, compiled=self.options.compiled
+            upper, layout = self.options.solver == "ipopt", self._layout(boundary, integrated)
+            self._programs[key] = collocation_program(
+                self.problem, self.scheme, layout, upper=upper, compiled=self.options.compiled
             )
-            self._programs[key] = program, layout
         return self._programs[key]
+
+    @cached_property
+    def _code(self) -> DirectCode | None:
+        """For FATROP without CasADi in between; None where that is not asked for or cannot be had."""
+        if self._chains is None or not self.options.compiled:
+            return None
+        try:
+            return DirectCode(self.problem, self._chains, self.scheme)
+        except NotInC:
+            return None
+
+    def _engine(self, variant: _Variant) -> Engine:
+        options = replace(self.options, iterations=variant.iterations)
+        layout = self._layout(variant.boundary, variant.integrated)
+        if layout.only_steps and self._code is not None:
+            settings = fatrop_settings(options, bounded=variant.bounded, restart=variant.restart)
+            return DirectSolver(self._code, self.intervals, settings)
+        program = self._program(variant.boundary, variant.integrated)
+        solver = nonlinear_solver(program, options, layout.stages, bounded=variant.bounded, restart=variant.restart)
+        return CasadiEngine(solver, program.functions, careful=self.options.solver == "fatrop")
 
     def _solver(self, variant: _Variant) -> Exchange:
         if variant not in self._solvers:
-            program, layout = self._program(variant.boundary, variant.integrated)
-            options = replace(self.options, iterations=variant.iterations)
-            solver = nonlinear_solver(program, options, layout.stages, bounded=variant.bounded, restart=variant.restart)
-            self._solvers[variant] = Exchange(solver, layout)
+            _, _, data, parameters, _, _ = self.sizes
+            numbers = self.intervals * (1 + data * self.degree) + parameters
+            layout = self._layout(variant.boundary, variant.integrated)
+            self._solvers[variant] = Exchange(self._engine(variant), layout, numbers)
         return self._solvers[variant]
 
     def solve(self, numbers: Numbers, guess: Nodes, restart: bool = False) -> Outcome:
@@ -177,7 +208,14 @@ class Transcription:
         elif status is Status.OK and (violation := solver.violation(VIOLATION)) > VIOLATION:
             status = Status.FAILED
             message = f"the solver's answer violates its conditions by {violation:.2g}"
-        outcome = Outcome(status=status, message=message, cost=cost, nodes=nodes, statistics=dict(verdict.statistics))
+        outcome = Outcome(
+            status=status,
+            message=message,
+            cost=cost,
+            nodes=nodes,
+            statistics=dict(verdict.statistics),
+            costates=solver.costates(self.scheme.weights),
+        )
         return outcome, verdict.gave_up and bool(finite)
 
     def _in_time(self, variant: _Variant, numbers: Numbers, guess: Nodes) -> _Variant:
@@ -188,7 +226,7 @@ class Transcription:
         if key not in self._paces:
             solver = self._solver(variant)
             solver.write(numbers, guess)
-            self._paces[key] = _pace(self._programs[key][0], solver)
+            self._paces[key] = solver.pace()
         affordable = self.options.seconds / self._paces[key]
         if affordable >= variant.iterations:
             return variant
@@ -265,11 +303,3 @@ class Transcription:
         """
         rate, integrand, path = evaluate_many(self._node, state, control, data, parameters, shared=(3,))
         return rate, integrand[0], path
-
-
-def _pace(program: Program, solver: Exchange) -> float:
-    """[s] What an iteration takes, about: second derivatives once, and as long again for everything else."""
-    begin = perf_counter()
-    sizes = {"lam_f": np.ones(1), "lam_g": np.zeros(solver.inputs["lbg"].size)}
-    program.functions["nlp_hess_l"](x=solver.inputs["x0"], p=solver.inputs["p"], **sizes)
-    return 2 * (perf_counter() - begin)

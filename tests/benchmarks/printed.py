@@ -25,13 +25,14 @@ their equations, and for all the solver of the nonlinear program is set carefull
 machine does not count. *ms* is for the solver of the nonlinear program alone, *call* for the package's own call around
 it, with the writing of numbers and the reading of the answer (and in yapss the derivation of the program). A package
 that passes the limit between its nodes is timed in its last solve, with the limit drawn in by as much as was passed.
-occ's functions are compiled (`compiled` of its solver's options: a few seconds once for a problem, kept for all later
-processes, the same numbers to the last bit).
+occ's functions are compiled and handed to FATROP without CasADi in between (`compiled` of its solver's options: a few
+seconds once for a problem, kept for all later processes, the same numbers to the last bit).
 """
 BLOCKS = (
-    "What grows with the square in FATROP's build is the interface's own table of blocks (CasADi fills a sparse matrix "
-    "block by block, also with a structure given by hand); the program itself is built in linear time. States that are "
-    "integrals of the controls are no unknowns for FATROP, which keeps its blocks small."
+    "What grows with the square in FATROP's build through CasADi is the interface's own table of blocks (a sparse "
+    "matrix filled block by block, also with a structure given by hand). Compiled, the functions are handed to FATROP "
+    "without CasADi in between, and nothing is built for an interval but its memory. States that are integrals of the "
+    "controls are no unknowns for FATROP, which keeps its blocks small."
 )
 
 

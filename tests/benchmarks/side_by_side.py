@@ -336,21 +336,31 @@ def _resolved(case: Case, transcription: Transcription, numbers: Numbers, nodes:
     return seconds[1:]
 
 
-def growth(solver: SolverName) -> list[dict[str, float]]:
+GROWN: dict[str, tuple[SolverName, bool]] = {
+    "ipopt": ("ipopt", False),
+    "fatrop": ("fatrop", False),
+    "fatrop, compiled": ("fatrop", True),
+}
+"""Solver, and whether its functions are compiled."""
+
+
+def growth(name: str) -> list[dict[str, float]]:
     """Build and solve time and memory with the number of intervals, degree 5, each in a process of its own."""
     rows = []
     for intervals in (50, 100, 200, 400, 800, 1600):
-        code = f"from tests.benchmarks import side_by_side as s; s.print_growth({solver!r}, {intervals})"
+        code = f"from tests.benchmarks import side_by_side as s; s.print_growth({name!r}, {intervals})"
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
         rows.append(json.loads(done.stdout.splitlines()[-1]))
     return rows
 
 
-def print_growth(solver: SolverName, intervals: int) -> None:
+def print_growth(name: str, intervals: int) -> None:
     """One row of `growth`, on standard output."""
     case = CASES[0]
     formulation = posed(case.task)
-    options, problem = SolverOptions(solver=solver), formulation.problem()
+    solver, compiled = GROWN[name]
+    options, problem = SolverOptions(solver=solver, compiled=compiled), formulation.problem()
+    # What is done once for any number of intervals, such as to call the compiler.
     Transcription(problem, 4, 5, options=options)
     before = _resident_bytes()
     begin = time.process_time()
@@ -396,7 +406,7 @@ def main() -> None:
             rows += of_peer(python, peer, case)
         keys = ("name", "optimum", "accuracy", "peers_accuracy", "target")
         results["cases"].append({key: getattr(case, key) for key in keys} | {"rows": rows})
-    results["growth"] = {solver: growth(solver) for solver in ("ipopt", "fatrop")}
+    results["growth"] = {name: growth(name) for name in GROWN}
     out.mkdir(parents=True, exist_ok=True)
     (out / "benchmarks.json").write_text(json.dumps(results, indent=1) + "\n")
     (out / "benchmarks.md").write_text(report(results))

@@ -183,6 +183,16 @@ class TestRefinement:
         _, reason = Refinement(posed.problem, posed, method).solve(grid, posed.guess)
         assert "error between nodes is still" in reason
 
+    def test_all_solves_together_have_a_time(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("occ.optimal.refinement.TOGETHER", 0.0)
+        posed = gallery.catalyst_mixing()
+        method = Method(degree=6, tolerance=1e-13, options=SolverOptions())
+        refinement = Refinement(posed.problem, posed, method)
+        _, reason = refinement.solve(Grid(edges=posed.mesh(4), degree=6), posed.guess)
+        assert len(refinement.rounds) == 1
+        assert "the error between nodes is still" in reason
+        assert "all solves together used their time, 0 s" in reason
+
 
 class TestInfeasible:
     """The smallest relaxation, against its closed form."""

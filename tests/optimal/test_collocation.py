@@ -122,7 +122,10 @@ class TestRefinement:
         rounds = solution.statistics["rounds"]
         assert solution.status is Status.OK
         assert len(rounds) > 1
-        assert rounds[0]["error"] > 1e-6 >= rounds[-1]["error"]
+        assert rounds[0]["error"] > 1e-6 >= rounds[-2]["error"]
+        # The doubled mesh only confirms the cost.
+        assert rounds[-1]["intervals"] == 2 * rounds[-2]["intervals"]
+        assert rounds[-1]["error"] is None
         assert solution.statistics["claimed_cost"] == pytest.approx(29.1715677318, rel=1e-6)
 
     def test_an_error_that_does_not_fall_is_said(self, monkeypatch: pytest.MonkeyPatch) -> None:

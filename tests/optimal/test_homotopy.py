@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import occ
 from occ.errors import InputError, Status
 from occ.optimal.collocation import Collocation
 from occ.optimal.homotopy import CopperLossLimit, copper_loss_limit
 from occ.referee import judge
+from occ.report.stored import load
+from occ.report.words import answer
 from occ.task import Limits, Solution
 from tests.tasks import LAP, paper_task
 
@@ -36,6 +42,19 @@ def test_the_limit_is_the_infimum_of_the_work(duration: float, infimum: float) -
     assert f"least work as the copper loss vanishes: {infimum:.3f}" in record.message
     # It is a point of another problem, on the way to the least work.
     assert record.local_objective is None
+
+
+def test_the_shipped_report_has_the_limit_beside_the_exact_infimum() -> None:
+    stored = load(Path(occ.__file__).parents[1] / "reports" / "vanishing_copper_loss")
+    sentences = [line for line in answer(stored) if "as the copper loss vanishes" in line]
+    for sentence, infimum in zip(sentences, ("200.3271190337", "377.3210447722"), strict=True):
+        found = re.search(
+            r"tends to ([\d.]+) J .* uncertain by ([\d.e-]+) J\); .* \(\*exact\*\) is ([\d.]+) J", sentence
+        )
+        assert found, sentence
+        limit, uncertainty = float(found[1]), float(found[2])
+        assert found[3] == infimum
+        assert abs(limit - float(infimum)) <= 1.5 * uncertainty < 3e-6
 
 
 def test_a_known_series_has_its_constant_as_limit() -> None:

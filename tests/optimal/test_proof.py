@@ -1,0 +1,189 @@
+"""Limits proven between the nodes: bounds of analytic functions, remainders and rounding included."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from occ.control import SymbolicControl
+from occ.errors import Status
+from occ.motion import Ellipse, FigureEight, RestToRestLine, SplineMotion
+from occ.motion.base import ProgramMotion
+from occ.optimal.between import DEGREE, chebyshev_places, largest_of_polynomial
+from occ.optimal.collocation import Collocation
+from occ.optimal.limit_proof import on_path
+from occ.optimal.proof import Quantities, proven
+from occ.optimal.reduced import path_control
+from occ.referee import examine
+from occ.task import Limits, Task
+from occ.trajectory import PiecewisePolynomial
+from tests.tasks import paper_task
+
+
+def of_time(expression: ca.SX, t: ca.SX, edges: np.ndarray) -> Quantities:
+    count = len(edges) - 1
+    function = ca.Function("of_time", [t, ca.SX(0, 1), ca.SX(0, 1)], [expression])
+    empty = np.zeros((0, count, 1)), np.zeros((0, count)), np.zeros(0)
+    return Quantities(function, edges, *empty, np.ones(expression.numel()), np.ones(count, dtype=bool))
+
+
+def interpolation_error(pole: float) -> float:
+    """Largest |q - p| of q = 1 / (pole - x) on [-1, 1], from samples."""
+    x = 2 * chebyshev_places() - 1
+    fine = np.cos(np.linspace(0.0, np.pi, 4001))
+    p = np.polynomial.chebyshev.Chebyshev.fit(x, 1 / (pole - x), DEGREE, domain=[-1, 1])
+    return float(np.abs(1 / (pole - fine) - p(fine)).max())
+
+
+class TestRemainder:
+    """Of functions whose distance from their polynomials is known."""
+
+    @pytest.mark.parametrize("pole", [1.8, 2.0, 3.0, 4.0])
+    def test_holds_the_distance_and_is_not_much_larger(self, pole: float) -> None:
+        t = ca.SX.sym("t")
+        found = proven(of_time(0.1 / (pole - t), t, np.array([-1.0, 1.0])))
+        true = 0.1 * interpolation_error(pole)
+        assert found.largest[0, 0] >= 0.1 / (pole - 1)
+        assert true <= found.remainder <= 1e4 * true + 1e-13
+
+    def test_of_a_function_that_no_sample_shows(self) -> None:
+        # q vanishes at all Chebyshev points and is 1 between them: only the remainder sees it.
+        t = ca.SX.sym("t")
+        wave = ca.cos(DEGREE * 2.5 * t + 1.0)
+        found = proven(of_time(wave, t, np.array([-1.0, 1.0])))
+        assert 1.0 <= found.largest[0, 0] <= 1.0 + 5e-6
+        x = 2 * chebyshev_places() - 1
+        q = 1.1 * np.prod([t - place for place in x]) * 2.0 ** (DEGREE - 2)
+        (bound,) = proven(of_time(ca.vertcat(q), t, np.array([-1.0, 1.0]))).largest[0]
+        fine = np.linspace(-1.0, 1.0, 20_001)
+        true = np.abs(1.1 * 2.0 ** (DEGREE - 2) * np.prod(fine[:, None] - x, axis=1)).max()
+        assert true > 0.5
+        assert largest_of_polynomial(np.zeros(DEGREE + 1))[0] == 0.0
+        assert bound >= true
+
+    @pytest.mark.parametrize("segment", range(6))
+    def test_every_segment_is_looked_at(self, segment: int) -> None:
+        # A bump that is above 1 in one segment only.
+        t, middle = ca.SX.sym("t"), segment + 0.4
+        bump = 1.2 / (1.0 + 9.0 * (t - middle) ** 2)
+        found = proven(of_time(bump, t, np.arange(7.0)))
+        assert 1.2 <= found.largest[0, segment] <= 1.2 + 1e-8
+        other = np.delete(found.largest[0], segment)
+        assert np.all(other < 1.0)
+        # What stays below is bounded, too.
+        ends = 1.2 / (1.0 + 9.0 * np.minimum(np.abs(np.arange(6) - middle), np.abs(np.arange(1, 7) - middle)) ** 2)
+        assert np.all(other >= np.delete(ends, segment))
+
+    def test_where_a_knot_is_inside_a_segment_nothing_is_proven(self) -> None:
+        t = ca.SX.sym("t")
+        quantities = of_time(0.1 * t, t, np.arange(4.0))
+        found = proven(dataclasses.replace(quantities, smooth=np.array([True, False, True])))
+        np.testing.assert_array_equal(np.isinf(found.largest[0]), [False, True, False])
+
+    def test_rounding_is_part_of_it(self) -> None:
+        # 1e6 (1 + t) - 1e6 - 1e6 t is zero, and its values are not.
+        t = ca.SX.sym("t")
+        q = (1e6 / 3.0 + 1e6 * t) - 1e6 * (t + 1.0 / 3.0)
+        found = proven(of_time(q, t, np.array([0.0, 1.0])))
+        assert 1e-11 < found.remainder < 1e-7
+        assert found.largest[0, 0] >= 0.0
+
+
+POINTS = ((0.0, 0.0), (0.5, 0.2), (0.8, -0.1), (1.2, 0.3))
+MOTIONS: dict[str, ProgramMotion] = {
+    "ellipse": Ellipse(semi_axes=(0.8, 0.4), rate=0.5),
+    "figure_eight": FigureEight(semi_axes=(0.8, 0.4), rate=0.4),
+    "rest_to_rest": RestToRestLine(start=(0.0, 0.0), end=(1.5, 0.3), duration=5.0),
+    "spline": SplineMotion(points=POINTS, times=(0.0, 1.5, 3.1, 5.0)),
+}
+EVERYTHING = Limits(
+    torque=5.0, wheel_speed=40.0, wheel_power=60.0, stall_torque=9.0, no_load_speed=60.0, platform_speed=2.0
+)
+
+
+def proof_of(task: Task, player: Collocation) -> tuple[Quantities, Task, np.ndarray]:
+    """The quantities of a solution, and their values along the referee's replay at many times in each interval."""
+    solution = player.solve(task)
+    assert solution.status is Status.OK, solution.message
+    formulation = player.posed(task)
+    assert formulation is not None
+    assert isinstance(solution.control, SymbolicControl)
+    assert solution.start_state is not None
+    quantities = on_path(formulation, solution.control, solution.start_state[[2, 5]])
+    verdict = examine(task, solution)
+    assert verdict.replay is not None
+    s = np.linspace(1e-9, 1.0 - 1e-9, 61)
+    times = (quantities.edges[:-1, None] + np.diff(quantities.edges)[:, None] * s).ravel()
+    seen = verdict.replay.sample(times)
+    speed = np.sum(seen.state[3:5] ** 2, axis=0)[None]
+    limits = task.limits
+    assert limits.torque_speed_line is not None
+    stall, no_load = limits.torque_speed_line
+    line = seen.torque / stall + seen.wheel_rates / no_load
+    values = np.concatenate([seen.torque, seen.wheel_rates, seen.torque * seen.wheel_rates, line, speed])
+    return quantities, task, np.abs(values / quantities.scales[:, None]).reshape(len(values), -1, len(s)).max(axis=2)
+
+
+BOTH = [
+    pytest.param(
+        name, kind, marks=() if (name, kind) in (("ellipse", "full"), ("spline", "reduced")) else pytest.mark.slow
+    )
+    for name in MOTIONS
+    for kind in ("reduced", "full")
+]
+
+
+@pytest.mark.parametrize(("name", "formulation"), BOTH)
+def test_bounds_are_those_of_the_replayed_motion(name: str, formulation: str) -> None:
+    task = dataclasses.replace(paper_task(5.0, limits=EVERYTHING), motion=MOTIONS[name])
+    player = Collocation(objective="torque_squared", tolerance=1e-5, formulation=formulation)  # type: ignore[arg-type]
+    quantities, _, seen = proof_of(task, player)
+    found = proven(quantities)
+    # Independent of the proof: the referee's integrator, at sixty times in each interval.
+    assert np.all(found.largest >= seen - 1e-9)
+    assert np.all(found.largest <= seen + 1e-3 * np.abs(seen).max(axis=1, keepdims=True) + 1e-8)
+    assert found.remainder < 1e-8
+
+
+def test_a_knot_of_the_program_belongs_on_an_edge() -> None:
+    task = dataclasses.replace(paper_task(5.0, limits=EVERYTHING), motion=MOTIONS["spline"])
+    formulation = Collocation(objective="torque_squared").posed(task)
+    assert formulation is not None
+    for edges, smooth in (([0.0, 1.5, 3.1, 5.0], [True] * 3), ([0.0, 1.5, 3.0, 5.0], [True, True, False])):
+        signal = PiecewisePolynomial(np.array(edges), np.array([0.2, 0.8]), np.zeros((2, 3, 2)))
+        found = proven(on_path(formulation, path_control(task, signal), np.zeros(2)))
+        np.testing.assert_array_equal(np.isfinite(found.largest).all(axis=0), smooth)
+
+
+class TestRows:
+    """What a row says."""
+
+    @pytest.mark.slow
+    def test_of_all_limits_in_the_reduced_formulation(self) -> None:
+        limits = Limits(torque=1.1, wheel_speed=9.0, torque_rate=8.0)
+        player = Collocation(objective="torque_squared", tolerance=1e-4)
+        solution = player.solve(paper_task(3.0, limits=limits))
+        assert solution.status is Status.OK, solution.message
+        assert "limits of torque and wheel speed and torque rate proven between nodes on its motion" in solution.message
+        assert "estimated" not in solution.message
+
+    def test_of_torques_where_b_may_leave_its_path(self) -> None:
+        task = paper_task(3.0, limits=Limits(torque=1.1, wheel_speed=9.0))
+        player = Collocation(objective="torque_squared", keep="tube", radius=0.02, tolerance=1e-4)
+        solution = player.solve(task)
+        assert solution.status is Status.OK, solution.message
+        assert "limits of torque and wheel speed and tube proven between nodes on its motion" in solution.message
+        assert "estimated" not in solution.message
+
+    def test_a_limit_that_only_the_proof_sees_passed_is_not_held(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        # An estimate that sees nothing: the proof alone makes the search tighten its limits.
+        monkeypatch.setattr("occ.optimal.between.largest_values", lambda sample, first: 0.5 * np.abs(first).max(axis=2))
+        task = paper_task(limits=Limits(torque=1.1))
+        player = Collocation(objective="torque_squared", intervals=6, degree=4, tolerance=3e-3)
+        solution = player.solve(task)
+        assert solution.status is Status.OK, solution.message
+        quantities = on_path(player.posed(task), solution.control, solution.start_state[[2, 5]])  # type: ignore[arg-type,index]
+        assert proven(quantities).largest.max() <= 1 + 3e-7
