@@ -6,7 +6,7 @@ STAMP := $(VENV)/.installed
 PEERS := $(VENV)-peers
 EXPERIMENTS := $(wildcard experiments/*.toml)
 
-.PHONY: compare test check slow benchmark random reports clean help
+.PHONY: compare test check slow benchmark random matrix reports clean help
 
 compare: $(STAMP)  ## the Section 5 table and figures
 	$(BIN)/occ run experiments/section5.toml
@@ -26,9 +26,13 @@ benchmark: $(STAMP) $(PEERS)/.installed  ## timings, and reports/benchmarks.md b
 	$(BIN)/pytest tests/benchmarks -m benchmark --benchmark-enable --benchmark-only
 	$(BIN)/python -m tests.benchmarks.side_by_side $(PEERS)/bin/python reports
 
-random: $(STAMP)  ## random tasks: exact, certified and collocation, reports/random_*.md (an hour; resumes)
+random: $(STAMP)  ## random tasks and wrenches, each solved in several ways, reports/random_*.md (over an hour; resumes)
+	$(BIN)/python -m tests.benchmarks.random_allocation reports
 	$(BIN)/python -m tests.benchmarks.random_work reports
 	$(BIN)/python -m tests.benchmarks.random_squares reports
+
+matrix: $(STAMP)  ## every motion with every objective and keep, reports/motions.md (minutes; resumes)
+	$(BIN)/python -m tests.benchmarks.motions reports
 
 reports: $(STAMP)  ## every shipped experiment
 	@for file in $(EXPERIMENTS); do echo "== $$file"; \
