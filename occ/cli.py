@@ -7,34 +7,15 @@ import os
 import sys
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
-from typer.core import TyperCommand, TyperGroup
 
-from occ.errors import BoundViolation, ExportError, InputError
+from occ.commands import Commands, ExperimentCommand, ExportCommand
 from occ.progress import Progress, progress_of
 
 if TYPE_CHECKING:
     from occ.report.tables import Table
-
-
-class Commands(TyperGroup):
-    """All commands; errors of the user are lines on the error stream and an exit code, never a traceback."""
-
-    def invoke(self, ctx: Any) -> Any:
-        """Run the command of a context."""
-        try:
-            return super().invoke(ctx)
-        except InputError as error:
-            message, code = str(error), 2
-        except (BoundViolation, ExportError) as error:
-            message, code = str(error), 1
-        except KeyboardInterrupt:
-            message, code = "interrupted; finished cases are stored and will not be solved again", 130
-        typer.echo(message, err=True)
-        raise typer.Exit(code)
-
 
 WIDEST = 10_000
 """Characters of a line that no table reaches."""
@@ -52,7 +33,7 @@ app = typer.Typer(
 
 File = Annotated[Path, typer.Argument(metavar="EXPERIMENT.toml", help="The experiment.")]
 Settings = Annotated[
-    list[str], typer.Option("--set", metavar="KEY=VALUE", help="Override a key, such as motion.radius=0.6; repeatable.")
+    list[str], typer.Option("--set", metavar="KEY=VALUE ...", help="Override keys, such as motion.radius=0.6.")
 ]
 AllowCode = Annotated[
     bool,
@@ -100,7 +81,7 @@ def _options(
     pass
 
 
-@app.command()
+@app.command(cls=ExperimentCommand)
 def run(
     experiment: File,
     out: Annotated[
@@ -139,7 +120,7 @@ def run(
         raise typer.Exit(1)
 
 
-@app.command()
+@app.command(cls=ExperimentCommand)
 def atlas(
     experiment: File,
     out: Annotated[
@@ -155,12 +136,10 @@ def atlas(
 
     Exit codes: 0 all points have their values; 1 some have not, failures.csv says which and why; 2 bad input.
     """
-    from occ.atlas.dataset import open_atlas, write_atlas, write_failures
+    from occ.atlas.dataset import write_atlas, write_failures
     from occ.atlas.grid import load_grid
     from occ.atlas.run import make_atlas
     from occ.experiment.pool import Engine
-    from occ.figures.maps import write_maps
-    from occ.report.atlas import atlas_tables, write_atlas_report
 
     engine = Engine(workers=workers, dask=dask, time_limit=time_limit, memory_limit=memory_limit)
     grid = load_grid(experiment, settings)
@@ -169,18 +148,13 @@ def atlas(
         found = make_atlas(experiment, grid, folder, engine, progress)
         write_atlas(grid, found, folder)
         failures = write_failures(grid, found, folder)
-        with open_atlas(folder) as data:
-            tables = atlas_tables(data)
-            write_atlas_report(data, folder, tables, write_maps(data, folder), failures)
-    for table in tables:
-        _print_table(table)
-        typer.echo()
-    typer.echo(f"Arrays, maps and report are in {folder}{os.sep}")
+        tables = _write_atlas_outputs(folder)
+    _show_atlas(folder, tables)
     if failures:
         raise typer.Exit(1)
 
 
-@app.command()
+@app.command(cls=ExperimentCommand)
 def check(experiment: File, settings: Settings = [], allow_code: AllowCode = False) -> None:
     """Validate an experiment: one line per mistake.
 
@@ -193,7 +167,7 @@ def check(experiment: File, settings: Settings = [], allow_code: AllowCode = Fal
     typer.echo(f"ok: {cases} case{'s' * (cases != 1)}, {controllers} controller{'s' * (controllers != 1)}")
 
 
-@app.command()
+@app.command(cls=ExperimentCommand)
 def circle(
     experiment: File,
     settings: Settings = [],
@@ -240,10 +214,12 @@ def list_(family: Annotated[Family | None, typer.Argument(help="All of them by d
 
 @app.command()
 def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder with stored results.")]) -> None:
-    """Write the report again from stored results."""
-    from occ.experiment.results import Results
+    """Write tables, figures and report again from stored results, those of an atlas, too."""
+    from occ.atlas.dataset import FILE
 
-    Results.load(folder)
+    if (folder / FILE).is_file():
+        _show_atlas(folder, _write_atlas_outputs(folder))
+        return
     _write_outputs(folder, None)
     _show(folder)
 
@@ -287,16 +263,6 @@ def audit(
         _print_table(table)
         typer.echo()
     typer.echo(f"Table and report are in {out}{os.sep}")
-
-
-class ExportCommand(TyperCommand):
-    """Options that take several values: ``--wrt state torque`` means ``--wrt state --wrt torque``."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """The arguments as the parser takes them."""
-        from occ.export.request import spread
-
-        return super().parse_args(ctx, spread(args))
 
 
 @app.command(cls=ExportCommand)
@@ -345,10 +311,30 @@ def _write_outputs(folder: Path, progress: Progress | None) -> None:
     write_report(folder, drawn(folder))
 
 
+def _write_atlas_outputs(folder: Path) -> list[Table]:
+    """Maps and report from stored arrays; the tables of the report."""
+    from occ.atlas.dataset import open_atlas, read_failures
+    from occ.figures.maps import write_maps
+    from occ.report.atlas import atlas_tables, write_atlas_report
+
+    with open_atlas(folder) as data:
+        tables = atlas_tables(data)
+        write_atlas_report(data, folder, tables, write_maps(data, folder), read_failures(folder))
+    return tables
+
+
+def _show_atlas(folder: Path, tables: list[Table]) -> None:
+    for table in tables:
+        _print_table(table)
+        typer.echo()
+    typer.echo(f"Arrays, maps and report are in {folder}{os.sep}")
+
+
 def _show(folder: Path) -> None:
     """Title, question, answer tables, reasons of rows that are not ok, and where the files are."""
     from occ.report.contents import answer_tables, not_ok_table
     from occ.report.stored import load
+    from occ.report.words import advice
 
     stored = load(folder)
     problems = not_ok_table(stored)
@@ -358,6 +344,8 @@ def _show(folder: Path) -> None:
     for table in [*answer_tables(stored), *([problems] if problems.rows else [])]:
         typer.echo()
         _print_table(table)
+    for line in advice(stored):
+        typer.echo(line)
     typer.echo(f"\nTable, report, figures and trajectories are in {folder}{os.sep}")
 
 

@@ -9,6 +9,10 @@ from decimal import Decimal
 import pytest
 from hypothesis import Phase, settings
 
+# The matrices are small and the suite's processes share the cores: a second thread would only wait, and busily.
+for _library in ("OPENBLAS", "OMP", "MKL"):
+    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+
 # A deadline would measure CasADi's first compilation of a model, not the example.
 settings.register_profile("occ", deadline=None, max_examples=25)
 # Shrinking a failure that integrates a motion can take minutes; CI says that it fails, a developer shrinks it.

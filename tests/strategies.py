@@ -33,9 +33,12 @@ def yaw_inertia_of_offsets(mass: float, center: tuple[float, float], wheels: lis
 @st.composite
 def youbot_overrides(draw: st.DrawFn) -> dict[str, Any]:
     """Every number of the youBot within half and twice its value; frictions, wheel mass and spin inertia may vanish."""
-    half_to_double = ("platform_mass", "half_track", "half_wheelbase", "wheel_radius", "roller_radius")
+    half_to_double = ("platform_mass", "half_track", "half_wheelbase", "wheel_radius")
     may_vanish = ("wheel_mass", "wheel_spin_inertia", "wheel_friction", "roller_friction")
     chosen: dict[str, Any] = {name: getattr(YOUBOT, name) * draw(reals(0.5, 2.0)) for name in half_to_double}
+    # A roller is smaller than its wheel.
+    largest = min(2.0, 0.9 * chosen["wheel_radius"] / YOUBOT.roller_radius)
+    chosen["roller_radius"] = YOUBOT.roller_radius * draw(reals(0.5, largest))
     factor = st.one_of(st.just(0.0), reals(0.5, 2.0))
     chosen |= {name: getattr(YOUBOT, name) * draw(factor) for name in may_vanish}
     chosen["mass_center"] = (draw(reals(-0.08, 0.08)), draw(reals(-0.08, 0.08)))
@@ -70,7 +73,7 @@ def wheels(draw: st.DrawFn, index: int, skew: float) -> Wheel:
         mounting_angle=axis - roller_angle,
         roller_angle=roller_angle,
         radius=draw(reals(0.03, 0.12)),
-        roller_radius=draw(reals(0.005, 0.03)),
+        roller_radius=draw(reals(0.005, 0.028)),
         mass=draw(st.one_of(st.just(0.0), reals(0.2, 4.0))),
         spin_inertia=draw(st.one_of(st.just(0.0), reals(1e-3, 2e-2))),
         friction=draw(st.one_of(st.just(0.0), reals(0.01, 0.3))),

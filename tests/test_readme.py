@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 from pathlib import Path
 
 import pytest
+
+from tests.test_reports import is_as_committed
 
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "README.md").read_text()
@@ -20,6 +23,8 @@ LINES = [
     for line in block.splitlines()
     if line.startswith("occ ")
 ]
+MAIN = "occ run experiments/section5.toml"
+"""What `make compare` runs."""
 CONSOLE = [line for line in LINES if "--allow-code" not in line]
 
 
@@ -40,18 +45,18 @@ def test_commands_run(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     from occ.cli import app
 
     monkeypatch.chdir(tmp_path)
-    for name in ("experiments", "reports"):
-        (tmp_path / name).mkdir()
-        for path in (ROOT / name).glob("*"):
-            target = tmp_path / name / path.name
-            if path.is_dir():
-                import shutil
-
-                shutil.copytree(path, target)
-            else:
-                target.write_bytes(path.read_bytes())
+    shutil.copytree(ROOT / "experiments", tmp_path / "experiments")
+    for folder in re.findall(r" (reports/\w+)", line):
+        shutil.copytree(ROOT / folder, tmp_path / folder)
     result = CliRunner().invoke(app, shlex.split(line)[1:])
     assert result.exit_code == 0, result.output
+    if line == MAIN:
+        is_as_committed(tmp_path / "reports" / "section5", "section5")
+
+
+def test_the_main_job_is_one_of_them() -> None:
+    assert MAIN in CONSOLE
+    assert MAIN.removeprefix("occ ") in (ROOT / "Makefile").read_text()
 
 
 def test_own_law_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -13,6 +13,8 @@ import occ
 
 ROOT = Path(occ.__file__).parent
 LAYERS = (
+    ("compiler",),
+    ("native",),
     ("errors", "checks", "numeric", "templates"),
     ("model", "motion", "trajectory", "integration"),
     ("control", "plant", "task"),
@@ -25,7 +27,7 @@ LAYERS = (
     ("report",),
     ("figures",),
     ("export",),
-    ("progress",),
+    ("commands", "progress"),
     ("cli",),
 )
 LAYER = {room: i for i, rooms in enumerate(LAYERS) for room in rooms}

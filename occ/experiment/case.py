@@ -21,12 +21,14 @@ NUMERICS = ("casadi", "numpy", "scipy")
 """Libraries whose version is part of what a stored case depends on."""
 NOT_IN_RESULTS = (
     "cli.py",
+    "commands.py",
     "progress.py",
     "report",
     "figures",
     "export",
     "experiment/results.py",
     "experiment/bounds.py",
+    "experiment/units.py",
 )
 """Parts of the package that no stored case depends on."""
 
@@ -54,7 +56,7 @@ class Case:
 
     @property
     def slug(self) -> str:
-        """The case's name as a folder's name."""
+        """The case's name in the names of files."""
         return slug(self.name)
 
     @property
@@ -84,6 +86,11 @@ class Case:
             InputError: a file of the user's own is not the one any more that was checked.
         """
         return self._file().players()
+
+    def posed(self) -> tuple[Task, dict[str, Player]]:
+        """`task` and `players`, for the price of one look at the tables."""
+        file = self._file()
+        return file.task(), file.players()
 
     def _file(self) -> ExperimentFile:
         return experiment_model(tuple(item.table() for item in self.own_classes)).model_validate(self.tables)

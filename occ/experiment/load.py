@@ -26,7 +26,7 @@ from occ.experiment.mistakes import (
     find_mistakes,
     shown,
 )
-from occ.experiment.naming import case_name, compact, nearest, suggestion
+from occ.experiment.naming import case_name, compact, controller_at, nearest, suggestion
 from occ.experiment.own_code import OwnClass, OwnCode
 from occ.experiment.schema import MOST_CASES, ExperimentFile, RangeTable, Sweep
 
@@ -207,7 +207,7 @@ def assign(data: dict[str, Any], key: str, value: Any) -> None:
     root, _, rest = key.partition(".")
     table, steps = data, key.split(".")
     if root == "controller" and rest:
-        table, steps = _controller(data, rest)
+        table, steps = controller_at(data, rest)
     for step in steps[:-1]:
         table = table.setdefault(step, {})
         if not isinstance(table, dict):
@@ -216,22 +216,6 @@ def assign(data: dict[str, Any], key: str, value: Any) -> None:
         # Its keys exclude each other: the new one replaces the old one.
         table.clear()
     table[steps[-1]] = value
-
-
-def _controller(data: dict[str, Any], rest: str) -> tuple[dict[str, Any], list[str]]:
-    """The table of the controller that a dotted key names, and the steps inside it; names may contain dots."""
-    controllers = data.get("controller")
-    tables = [table for table in controllers if isinstance(table, dict)] if isinstance(controllers, list) else []
-    named = {str(table.get("name")): table for table in tables}
-    for name in sorted(named, key=len, reverse=True):
-        if rest.startswith(f"{name}.") and len(rest) > len(name) + 1:
-            return named[name], rest[len(name) + 1 :].split(".")
-    if rest in named:
-        raise InputError(
-            f'a whole controller cannot be given; should be one of its keys such as "controller.{rest}.kind"'
-        )
-    wrong = rest.rpartition(".")[0] or rest
-    raise InputError(f'unknown controller "{wrong}"; {suggestion(nearest(wrong, list(named)), list(named))}')
 
 
 def _override(data: dict[str, Any], key: str, value: Any) -> None:
@@ -350,7 +334,7 @@ def _case(file: ExperimentFile, classes: tuple[OwnClass, ...], swept: dict[str, 
 def _value_at(tables: dict[str, Any], key: str) -> Any:
     """A swept value as the schema understood it: 1 becomes 1.0 where a number is meant."""
     root, _, rest = key.partition(".")
-    table, steps = _controller(tables, rest) if root == "controller" else (tables, key.split("."))
+    table, steps = controller_at(tables, rest) if root == "controller" else (tables, key.split("."))
     for step in steps[:-1]:
         table = table[step]
     return table[steps[-1]]

@@ -240,8 +240,6 @@ _WANTED = {
     "too_short": "a list of at least {min_length}",
     "too_long": "a list of at most {max_length}",
 }
-
-
 _WRONG = {"finite_number": "not finite", "too_short": "too few", "too_long": "too many"}
 
 
@@ -266,12 +264,7 @@ def _text(items: list[ErrorDetails], model: type[Table]) -> str:
     if kind == "literal_error" and len(items) == 1:
         return _unknown_name(value, _quoted(context["expected"]))
     wanted = [_wanted(item) for item in items]
-    if kind.endswith("_type"):
-        wrong = "wrong type"
-    else:
-        wrong = {"finite_number": "not finite", "too_short": "too few", "too_long": "too many"}.get(
-            kind, "out of range"
-        )
+    wrong = "wrong type" if kind.endswith("_type") else _WRONG.get(kind, "out of range")
     return f"{wrong} ({shown(value)}); should be {' or '.join(dict.fromkeys(wanted))}"
 
 

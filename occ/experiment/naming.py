@@ -7,6 +7,8 @@ import re
 from difflib import get_close_matches
 from typing import Any
 
+from occ.errors import InputError
+
 BASE = "base"
 """The case of an experiment without a sweep."""
 LONGEST_FILE_NAME = 120
@@ -67,3 +69,30 @@ def nearest(name: Any, valid: list[str]) -> str | None:
 def suggestion(near: str | None, valid: list[str]) -> str:
     """The words that follow the semicolon after an unknown name."""
     return f'did you mean "{near}"?' if near else f"valid: {', '.join(valid)}"
+
+
+def controller_at(tables: dict[str, Any], rest: str) -> tuple[dict[str, Any], list[str]]:
+    """The table of the controller that a dotted key names, and the steps inside it; names may contain dots.
+
+    Args:
+        tables: of an experiment.
+        rest: of the key, without its first step ``controller``.
+
+    Returns:
+        The controller's table, and the names of the keys on the way from there.
+
+    Raises:
+        InputError: no controller of that name, or no key of it; says what would be right.
+    """
+    controllers = tables.get("controller")
+    listed = [table for table in controllers if isinstance(table, dict)] if isinstance(controllers, list) else []
+    named = {str(table.get("name")): table for table in listed}
+    for name in sorted(named, key=len, reverse=True):
+        if rest.startswith(f"{name}.") and len(rest) > len(name) + 1:
+            return named[name], rest[len(name) + 1 :].split(".")
+    if rest in named:
+        raise InputError(
+            f'a whole controller cannot be given; should be one of its keys such as "controller.{rest}.kind"'
+        )
+    wrong = rest.rpartition(".")[0] or rest
+    raise InputError(f'unknown controller "{wrong}"; {suggestion(nearest(wrong, list(named)), list(named))}')

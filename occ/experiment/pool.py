@@ -127,8 +127,8 @@ def _here(
     function: Callable[[Item], Outcome], items: Iterable[Item]
 ) -> Generator[tuple[int, Outcome | Lost], None, None]:
     # Each of them brings a library of linear algebra of its own, which must be there to be limited.
-    import casadi  # noqa: F401
-    import scipy.linalg  # noqa: F401
+    import casadi  # noqa: F401 - to be there
+    import scipy.linalg  # noqa: F401 - to be there
     from threadpoolctl import ThreadpoolController
 
     libraries = ThreadpoolController()

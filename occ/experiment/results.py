@@ -28,7 +28,10 @@ if TYPE_CHECKING:
 
 TABLE = "results.csv"
 RECORD = "run.json"
-LIBRARIES = ("occ", "casadi", "numpy", "scipy", "pandas", "xarray", "h5netcdf", "matplotlib")
+LIBRARIES = (
+    *("occ", "casadi", "numpy", "scipy", "pandas", "xarray", "h5netcdf", "matplotlib"),
+    *("cvxpy", "clarabel", "python-flint"),
+)
 """Whose versions are recorded."""
 
 Row = dict[str, Any]

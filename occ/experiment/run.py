@@ -120,9 +120,9 @@ def solve_case(case: Case, progress: Progress | None = None) -> Solved:
         One row for each controller, labels and measures, and beside them ``local_objective``, ``statistics``,
         ``solve_time_s``, ``judge_time_s`` and ``trajectory``; and the trajectories.
     """
-    task = case.task()
+    task, players = case.posed()
     solved = Solved([], {})
-    for name, player in case.players().items():
+    for name, player in players.items():
         row, motion = solve_row(case, task, name, player)
         if motion is not None:
             path, content = _trajectory(case, name), netcdf_bytes(motion)
@@ -212,7 +212,8 @@ def _attributes(case: Case, name: str) -> dict[str, Any]:
 
 
 def _trajectory(case: Case, name: str) -> str:
-    return f"trajectories/{case.slug}/{slug(name)}.nc"
+    # No slug has an @, so that two rows never share a file.
+    return f"trajectories/{case.slug}@{slug(name)}.nc"
 
 
 def _stamped(row: Row, case: Case) -> dict[str, Any]:

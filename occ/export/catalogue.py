@@ -206,7 +206,7 @@ _LAW = (
             result=name,
             units=(unit,),
             symbol=symbol,
-            build=lambda s, derivative=derivative: s.program(derivative),  # type: ignore[misc]
+            build=lambda s, derivative=derivative: s.program(derivative),  # type: ignore[misc]  # a default of a lambda has no type
         )
         for derivative, (name, unit, equation, symbol) in enumerate(
             (

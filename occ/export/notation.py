@@ -10,13 +10,11 @@ from occ.export.program import CONSTANT, INPUT, Program, Step
 
 @dataclass(frozen=True)
 class Notation:
-    """How a language writes values, inputs and operations of a straight-line program.
+    """How a language writes values and operations of a straight-line program.
 
     Args:
         forms: of each operation, with {0} and {1} for its operands.
         value: of a step, with {0} for its number.
-        entry: of an argument, with its name and the place of the entry.
-        number: of a constant.
     """
 
     forms: Mapping[str, str]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 
+from occ.experiment.units import unit_of
 from occ.figures.style import controller_line, label, legend_beside, panels
 from occ.objectives import Objective
 from occ.report.contents import plain_name, plain_unit
@@ -49,17 +50,23 @@ def value_figure(stored: Stored, item: Objective, key: str) -> Figure | None:
     rows = rows[rows["status"] == "ok"].dropna(subset=[item.column])
     if rows.empty:
         return None
-    figure, (panel,) = panels(6.2, [3.4], f"{plain_name(item).capitalize()} over {key}")
-    handles = _curves(panel, stored, rows, key, item.column)
-    _key_axis(panel, rows[key])
+    figure, panel = _over_key(stored, rows, key, item.column, f"{plain_name(item).capitalize()} over {key}")
     panel.set_ylabel(f"{plain_name(item)} [{plain_unit(item.unit)}]")
-    legend_beside(panel, handles)
     return figure
 
 
-def _key_axis(panel: Axes, values: pd.Series[float]) -> None:
+def _over_key(stored: Stored, rows: pd.DataFrame, key: str, column: str, title: str) -> tuple[Figure, Axes]:
+    """A figure with the curves of a column over a key."""
+    figure, (panel,) = panels(6.2, [3.4], title)
+    legend_beside(panel, _curves(panel, stored, rows, key, column))
+    _key_axis(panel, stored, rows[key])
+    return figure, panel
+
+
+def _key_axis(panel: Axes, stored: Stored, values: pd.Series[float]) -> None:
     """The swept values along the axis; on a logarithmic one each of them has its tick."""
-    panel.set_xlabel(f"{values.name} [as in the experiment file]")
+    unit = unit_of(str(values.name), stored.experiment)
+    panel.set_xlabel(f"{values.name} [{plain_unit(unit)}]" if unit != "1" else str(values.name))
     if values.min() > 0 and values.max() > WIDE * values.min():
         panel.set_xscale("log")
         ticks = sorted(values.unique())
@@ -102,8 +109,8 @@ def gap_figure(stored: Stored, item: Objective, key: str) -> Figure | None:
     rows = stored.rows.assign(**{key: _numbers(stored, key)}).dropna(subset=[column])
     if rows.empty:
         return None
-    figure, (panel,) = panels(6.2, [3.4], f"{plain_name(item).capitalize()} above its bound, over {key}")
-    handles = _curves(panel, stored, rows, key, column)
+    title = f"{plain_name(item).capitalize()} above its bound, over {key}"
+    figure, panel = _over_key(stored, rows, key, column, title)
     if rows[column].abs().max() > 50 * LINEAR_UP_TO:
         panel.set_yscale("symlog", linthresh=LINEAR_UP_TO)
         panel.yaxis.set_major_formatter("{x:g}")
@@ -112,9 +119,7 @@ def gap_figure(stored: Stored, item: Objective, key: str) -> Figure | None:
         panel.set_yscale("log", subs=[])
         panel.yaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         panel.yaxis.set_major_formatter(lambda x, _: f"{x:.0e}".replace("e-0", "e-").replace("e+0", "e"))
-    _key_axis(panel, rows[key])
     panel.set_ylabel("gap [%]")
-    legend_beside(panel, handles)
     return figure
 
 

@@ -34,7 +34,7 @@ class Wheel:
         roller_angle: [rad] axis of the contacting roller, measured from the wheel's rolling direction
             (45 degrees in magnitude for a Mecanum wheel, 0 for an omni wheel).
         radius: [m] R, outer radius of the wheel.
-        roller_radius: [m] r, radius of the roller's section at the contact.
+        roller_radius: [m] r < R, radius of the roller's section at the contact.
         mounting_angle: [rad] rolling direction of the wheel, measured from the body axis OX.
         mass: [kg] m_1.
         spin_inertia: [kg m^2] J_1, about the wheel's axle.
@@ -42,7 +42,8 @@ class Wheel:
         roller_friction: [N m s] mu_2, viscous friction of the roller's bearing.
 
     Raises:
-        InputError: non-finite or non-physical numbers; a roller axis parallel to the wheel's axle.
+        InputError: non-finite or non-physical numbers; a roller as large as its wheel, or with its axis parallel to the
+            wheel's axle.
 
     Source: paper, section 2.1, Fig. 2.
     """
@@ -59,6 +60,12 @@ class Wheel:
 
     def __post_init__(self) -> None:
         check_fields(self)
+        if not self.roller_radius < self.radius:
+            # The roller's axis is at the distance R - r from the wheel's own.
+            raise InputError(
+                f"Wheel: roller_radius should be less than the wheel's radius, {self.radius!r} m, not "
+                f"{self.roller_radius!r} m"
+            )
         if abs(math.cos(self.roller_angle)) < 1e-9:
             raise InputError(
                 f"Wheel: roller_angle {self.roller_angle!r} rad puts the roller axis parallel to the wheel's axle, so "

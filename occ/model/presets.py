@@ -41,7 +41,7 @@ class YouBot:
     half_wheelbase: Positive = _number(0.235, "m", "h")
     wheel_radius: Positive = _number(0.0475, "m", "R")
     roller_radius: Positive = _number(0.014, "m", "r")
-    friction_scale: NonNegative = _number(1.0, "1", "common factor of mu_1 and mu_2")
+    friction_scale: NonNegative = _number(1.0, "1", "common factor of mu_1 and mu_2", "occ: frictions as given")
 
     def __post_init__(self) -> None:
         check_fields(self)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
@@ -16,24 +15,12 @@ from occ.model.presets import YouBot
 from occ.numeric import evaluate_many
 from occ.paper.formula import Check, claim, relative
 from occ.paper.numbers import POINT, RADIUS, RATE
-from occ.paper.symbols import SEED, TRIALS, Symbols
+from occ.paper.symbols import SEED, TRIALS, OfPreset
 from occ.theory.stability import singular_point
 
 
-@dataclass(frozen=True)
-class CircleTruth:
-    """The yaw motion on a circle by the derived model, and the paper's symbols for it.
-
-    Args:
-        preset: the platform's parameters.
-    """
-
-    preset: YouBot
-
-    @cached_property
-    def symbols(self) -> Symbols:
-        """The paper's letters as numbers."""
-        return Symbols.of(self.preset)
+class CircleTruth(OfPreset):
+    """The yaw motion on a circle by the derived model, and the paper's symbols for it."""
 
     @cached_property
     def yaw(self) -> dict[str, float]:

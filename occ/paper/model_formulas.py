@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cached_property
 from types import SimpleNamespace
 
@@ -17,26 +16,14 @@ from occ.model.presets import YouBot
 from occ.numeric import evaluate_many
 from occ.paper.formula import Check, relative
 from occ.paper.numbers import POINT
-from occ.paper.symbols import SEED, TRIALS, Symbols, random_motions
+from occ.paper.symbols import SEED, TRIALS, OfPreset, Symbols, random_motions
 
 WHEEL_INERTIA = 0.01
 """[kg m^2] A value of I_1, which (2.17) does not give: only I_C + 4 I_1 enters."""
 
 
-@dataclass(frozen=True)
-class Truth:
-    """Random motions of the platform, and what the derived model says of them.
-
-    Args:
-        preset: the platform's parameters.
-    """
-
-    preset: YouBot
-
-    @cached_property
-    def symbols(self) -> Symbols:
-        """The paper's letters as numbers."""
-        return Symbols.of(self.preset)
+class Truth(OfPreset):
+    """Random motions of the platform, and what the derived model says of them."""
 
     @cached_property
     def model(self) -> Dynamics:

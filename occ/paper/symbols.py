@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -102,6 +103,22 @@ class Symbols:
             "xi_2": self.zeta_X * b_Y / J_a,
             "xi_3": (self.mu_Omega + self.zeta_X * b_Y**2 + self.zeta_Y * b_X**2) / J_a,
         }
+
+
+@dataclass(frozen=True)
+class OfPreset:
+    """What can be said of a platform, and the paper's symbols for it.
+
+    Args:
+        preset: the platform's parameters.
+    """
+
+    preset: YouBot
+
+    @cached_property
+    def symbols(self) -> Symbols:
+        """The paper's letters as numbers."""
+        return Symbols.of(self.preset)
 
 
 def random_motions() -> tuple[np.ndarray, np.ndarray]:

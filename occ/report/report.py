@@ -67,12 +67,13 @@ def report_text(stored: Stored, figures: Sequence[tuple[str, str]] = ()) -> str:
     details = [(heading, text, contents.detail_table(stored, heading, fields)) for heading, text, fields in DETAILS]
     values = {
         "title": markdown_text(stored.title),
-        "keeps": {row["keep"] for row in stored.records()},
+        **{f"{label}s": set(stored.rows[label]) for label in ("keep", "start", "end")},
         "question": markdown_text(stored.question),
         "answer_tables": contents.answer_tables(stored),
         "answer": words.answer(stored),
         "peak_notes": words.peak_notes(stored),
         "not_ok": contents.not_ok_table(stored),
+        "advice": words.advice(stored),
         "notes": contents.notes_table(stored),
         "details": details,
         "figures": figures,

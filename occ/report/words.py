@@ -9,6 +9,7 @@ import math
 from statistics import median
 from typing import Any
 
+from occ.errors import Status
 from occ.experiment.bounds import PROVEN
 from occ.objectives import Objective
 from occ.report.contents import MOST_CASES_APART, is_unresolved, plain_name, plain_unit
@@ -42,7 +43,28 @@ def answer(stored: Stored) -> list[str]:
             lines += [_case_answer(stored, case, item, law) for case in stored.cases]
         else:
             lines.append(_sweep_answer(stored, item, law))
-    return [*lines, *_for_ever(stored)]
+    return [*lines, *_limits(stored), *_for_ever(stored)]
+
+
+def _limits(stored: Stored) -> list[str]:
+    """A sentence for each row whose cost was followed to a limit that no row attains."""
+    lines = []
+    for row in stored.records():
+        entry = stored.runs.get(row["case"], {}).get("controllers", {}).get(row["controller"]) or {}
+        found = (entry.get("statistics") or {}).get("copper_loss_limit")
+        if not found or row["status"] != "ok":
+            continue
+        limit, uncertainty = found["limit_J"], found["uncertainty_J"]
+        begin = f"{markdown_text(row['case'])}: as" if len(stored.cases) > 1 else "As"
+        line = (
+            f"{begin} the copper loss vanishes the cost of {_name(row)} tends to {limit:.7f} J "
+            f"(extrapolated from {len(found['factors'])} solves, uncertain by {uncertainty:.1g} J)"
+        )
+        if row.get("work_bound_kind") == "exact":
+            bound = float(row["work_bound"])
+            line += f"; the least work by a formula (*exact*) is {bound:.10f} J, {abs(limit - bound):.1g} J away"
+        lines.append(f"{line}.")
+    return lines
 
 
 def _for_ever(stored: Stored) -> list[str]:
@@ -197,3 +219,16 @@ def peak_notes(stored: Stored) -> list[str]:
         "horizon, so a finer mesh raises the peak and hardly lowers the work."
         for name, places in found.items()
     ]
+
+
+def advice(stored: Stored) -> list[str]:
+    """What a user can do about the rows that are not ok.
+
+    Args:
+        stored: the results.
+
+    Returns:
+        A sentence for each status among them.
+    """
+    found = set(stored.rows["status"]) - {Status.OK}
+    return [f"{status.capitalize()}: {status.advice}." for status in Status if status in found]

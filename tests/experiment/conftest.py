@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -29,8 +30,10 @@ def write(tmp_path: Path) -> Write:
 
 
 @pytest.fixture
-def occ() -> Occ:
+def occ(monkeypatch: pytest.MonkeyPatch) -> Occ:
     """Run a command in this process: ``occ("check", path)`` has exit_code, stdout and stderr."""
+    # On a slow machine the error stream would tell how far a run has come.
+    monkeypatch.setattr("occ.progress.EVERY", math.inf)
     return lambda *arguments: CliRunner().invoke(app, [str(item) for item in arguments])
 
 

@@ -1,6 +1,6 @@
 """Calls for the engines' tests, and a controller for every way in which a case can go wrong.
 
-Processes of the engines import this module.
+Processes of the engines import this module, so that it imports little.
 """
 
 from __future__ import annotations
@@ -11,13 +11,14 @@ import os
 import signal
 import time
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import psutil
 
-from occ.atlas.comparison import Comparison, compare
 from occ.errors import InputError
+
+if TYPE_CHECKING:
+    from occ.atlas.comparison import Comparison
 
 
 def work(item: Any) -> Any:
@@ -65,6 +66,10 @@ def matrix_sums(seed: int) -> list[str]:
 
 def resident_after(item: Comparison) -> int:
     """[bytes] Memory of this process after one more comparison."""
+    import psutil
+
+    from occ.atlas.comparison import compare
+
     rows = compare(item)
     assert all(row["status"] == "ok" for row in rows)
     gc.collect()

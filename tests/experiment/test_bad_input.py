@@ -56,6 +56,11 @@ BAD = [
         tiny(("[platform]", "[platform]\nmass_center = [0, false]")),
         ["platform.mass_center #2:", "wrong type (false)"],
     ),
+    (
+        "roller as large as its wheel",
+        tiny(("[platform]", "[platform]\nroller_radius = 0.05")),
+        ["platform:", "roller_radius should be less than", "0.0475 m", "not 0.05 m"],
+    ),
     ("unknown preset", tiny(('"youbot"', '"yubot"')), ["platform.preset:", '("yubot")', '"youbot"']),
     ("unknown motion", tiny(('"circle"', '"circel"')), ["motion.kind:", '("circel")', '"circle"']),
     ("unknown controller", tiny(('"servo"', '"swerve"')), ["controller.servo law.kind:", '("swerve")', '"servo"']),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from occ.commands import assignments_apart
 from occ.model.presets import YouBot
 from occ.motion import MOTIONS
 from occ.objectives import OBJECTIVES
@@ -21,7 +23,19 @@ from tests.experiment.conftest import Occ, Write
 def test_help_names_every_command(occ: Occ) -> None:
     result = occ("--help")
     assert result.exit_code == 0
-    for command in ("run", "check", "schema", "list", "report", "--version"):
+    for command in (
+        "run",
+        "check",
+        "schema",
+        "list",
+        "circle",
+        "atlas",
+        "paper",
+        "audit",
+        "export",
+        "report",
+        "--version",
+    ):
         assert command in result.stdout
 
 
@@ -139,3 +153,30 @@ def test_schema_validates_files(schema: dict[str, Any]) -> None:
     assert validator.is_valid(tomllib.loads(tiny(more=sweep)))
     for bad in (tiny(("0.70", "true")), tiny(("radius", "raduis")), tiny(("duration", "lap"))):
         assert not validator.is_valid(tomllib.loads(bad))
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("run x.toml --set a=1", "run x.toml --set a=1"),
+        ("run x.toml --set a.b=1 c=2 --json", "run x.toml --set a.b=1 --set c=2 --json"),
+        ("--set a=1 b=2 c=3 x.toml", "--set a=1 --set b=2 --set c=3 x.toml"),
+        ("--set a=1 --set b=2 c=-3", "--set a=1 --set b=2 --set c=-3"),
+        ("--set a=1 runs/b=2.toml", "--set a=1 runs/b=2.toml"),
+        (
+            "--set 'controller.min work.intervals=4' 'sweep.a=[1, 2]'",
+            "--set 'controller.min work.intervals=4' --set 'sweep.a=[1, 2]'",
+        ),
+        ("x.toml a=1", "x.toml a=1"),
+    ],
+)
+def test_one_option_takes_several_assignments(words: str, expected: str) -> None:
+    assert assignments_apart(shlex.split(words)) == shlex.split(expected)
+
+
+def test_every_assignment_counts(occ: Occ, write: Write) -> None:
+    path = write()
+    assert occ("check", path, "--set", "motion.radius=0.6", "point.x=0.3").exit_code == 0
+    result = occ("check", path, "--set", "motion.radius=0.6", "point.z=0.3")
+    assert (result.exit_code, result.stderr.partition(";")[0]) == (2, "--set point.z: unknown key")
+    assert occ("check", path, "point.x=0.3").exit_code == 2

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from threadpoolctl import threadpool_limits
 
 from occ.errors import InputError
 from occ.experiment.pool import Engine, Lost
@@ -32,7 +33,8 @@ def outcomes(engine: Engine, items: list[object]) -> dict[object, object]:
     return {items[number]: outcome for number, outcome in engine.each(work, items)}
 
 
-def test_each_way_to_go_wrong_costs_its_own_item_only() -> None:
+def test_each_way_to_go_wrong_costs_its_own_item_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
     engine = Engine(workers=2, time_limit=1.0, memory_limit=4.0)
     found = outcomes(engine, [1, "exit", "sleeps", 2, "killed", "hangs", "memory", "prints", 3, "threads"])
     reasons = {key: value.reason for key, value in found.items() if isinstance(value, Lost)}
@@ -96,9 +98,12 @@ def test_worker_killed_in_the_middle(tmp_path: Path) -> None:
     assert "SIGKILL" in outcome.reason
 
 
-def test_last_bits_do_not_depend_on_the_engine() -> None:
+def test_last_bits_do_not_depend_on_the_engine(monkeypatch: pytest.MonkeyPatch) -> None:
     seeds = list(range(3))
-    here, pool = (dict(engine.each(matrix_sums, seeds)) for engine in (Engine(), POOL))
+    # What this process and its children may take, were they let.
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "2")
+    with threadpool_limits(2):
+        here, pool = (dict(engine.each(matrix_sums, seeds)) for engine in (Engine(), POOL))
     assert here == pool
 
 

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -70,6 +71,7 @@ def test_from_file_to_folder(write: Write, occ: Occ, tmp_path: Path, monkeypatch
     assert record["experiment"]["title"] == "Tiny"
     entry = record["cases"][cases[0]]["controllers"]["servo law"]
     assert entry["solve_time_s"] > 0
+    assert len(list(out.glob("trajectories/*.nc"))) == len(rows)
     with xr.open_dataset(out / entry["trajectory"], engine="h5netcdf") as motion:
         assert motion.attrs["controller"] == "servo law"
         assert float(motion["work"][-1]) == pytest.approx(float(rows[0]["work_J"]), rel=1e-6)
@@ -103,7 +105,7 @@ def test_results_do_not_depend_on_run_or_workers(write: Write, tmp_path: Path) -
     experiment = load_experiment(write(tiny(more=SWEEP)))
     for name, workers in (("first", 1), ("second", 1), ("pool", 2)):
         run(experiment, tmp_path / name, Engine(workers=workers))
-    files = ["results.csv", *(f"trajectories/{case.slug}/servo_law.nc" for case in experiment.cases)]
+    files = ["results.csv", *(f"trajectories/{case.slug}@servo_law.nc" for case in experiment.cases)]
     for file in files:
         first, *others = [(tmp_path / name / file).read_bytes() for name in ("first", "second", "pool")]
         assert others == [first, first]
@@ -179,6 +181,15 @@ def test_optimum_bounds_the_law(write: Write, tmp_path: Path) -> None:
     assert law["work_gap_percent"] > law["work_gap_uncertainty_percent"] > 0
 
 
+@pytest.fixture
+def heeding() -> Iterator[None]:
+    """Interrupts are heeded, as they are not in what is started in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("heeding")
 @pytest.mark.parametrize("workers", [1, 2])
 def test_interrupt_keeps_what_is_finished(write: Write, tmp_path: Path, workers: int) -> None:
     path = write(tiny(more='[sweep]\n"motion.radius" = { from = 0.5, to = 0.9, count = 80 }\n'))
@@ -191,12 +202,15 @@ def test_interrupt_keeps_what_is_finished(write: Write, tmp_path: Path, workers:
     process.send_signal(signal.SIGINT)
     stdout, stderr = process.communicate(timeout=60)
     assert process.returncode == 130, stderr
-    assert (stdout, len(stderr.splitlines())) == ("", 1)
-    assert "interrupted" in stderr
+    # A slow machine is told before how far it has come, and nothing else.
+    *told, last = stderr.splitlines()
+    assert (stdout, [line for line in told if "of 160 rows, 0 not ok" not in line]) == ("", [])
+    assert last.startswith("interrupted")
     assert not (out / "results.csv").exists()
     assert 1 <= len(list(out.glob(".store/*.json"))) < 80
 
 
+@pytest.mark.usefixtures("heeding")
 def test_interrupt_that_a_solver_swallows_is_not_lost(
     write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

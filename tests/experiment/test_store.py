@@ -139,7 +139,7 @@ def test_only_what_is_damaged_is_solved_again(write: Write, tmp_path: Path, solv
     first.write_bytes(first.read_bytes()[:-20])
     run(experiment, out)
     assert [task.motion.values()[0] for task in solves[2:]] == [0.6]
-    trajectory = out / "trajectories" / "motion.radius=0.7" / "servo_law.nc"
+    trajectory = out / "trajectories" / "motion.radius=0.7@servo_law.nc"
     content = trajectory.read_bytes()
     trajectory.unlink()
     run(experiment, out)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -26,6 +27,7 @@ CIRCLE = Circle(radius=0.7, rate=-0.4, phase=math.pi / 2)
 
 times = reals(-20.0, 20.0)
 yaw_rates = reals(-3.0, 3.0)
+any_platform, any_motion = platforms(), motions()
 
 
 def column(result: ca.DM) -> np.ndarray:
@@ -56,6 +58,26 @@ class Numeric:
     def torque(self, t: float, heading: float, yaw_rate: float, yaw_acceleration: float) -> np.ndarray:
         null = np.zeros(self.platform.wheel_count - 3)
         return column(self.functions["torque"](*self.arguments(t, heading, yaw_rate), yaw_acceleration, null))
+
+
+class Place(NamedTuple):
+    """Where a platform is on its path, and how it turns there."""
+
+    path: Numeric
+    t: float
+    heading: float
+    yaw_rate: float
+
+
+@st.composite
+def places(
+    draw: st.DrawFn,
+    platform: st.SearchStrategy[Platform] = any_platform,
+    motion: st.SearchStrategy[ProgramMotion] = any_motion,
+) -> Place:
+    """Any platform and point anywhere on any motion."""
+    path = Numeric(draw(platform), draw(points()), draw(motion))
+    return Place(path, draw(times), draw(angles()), draw(yaw_rates))
 
 
 class PaperYaw:
@@ -122,23 +144,16 @@ class PaperYaw:
 
 
 class TestKinematics:
-    @given(platform=platforms(), point=points(), motion=motions(), t=times, heading=angles(), yaw_rate=yaw_rates)
-    def test_the_point_has_its_program_velocity(
-        self,
-        platform: Platform,
-        point: tuple[float, float],
-        motion: ProgramMotion,
-        t: float,
-        heading: float,
-        yaw_rate: float,
-    ) -> None:
+    @given(place=places())
+    def test_the_point_has_its_program_velocity(self, place: Place) -> None:
         # (3.3), and once more on the floor: v_O + Omega x b turned by psi is the program velocity.
-        v_x, v_y, omega = Numeric(platform, point, motion).velocity(t, heading, yaw_rate)
+        path, t, heading, yaw_rate = place
+        v_x, v_y, omega = path.velocity(t, heading, yaw_rate)
         assert omega == yaw_rate
         c, s = math.cos(heading), math.sin(heading)
-        body = np.array([v_x - point[1] * omega, v_y + point[0] * omega])
+        body = np.array([v_x - path.point[1] * omega, v_y + path.point[0] * omega])
         floor = np.array([c * body[0] - s * body[1], s * body[0] + c * body[1]])
-        np.testing.assert_allclose(floor, motion.at(t)[1][:, 0], rtol=0, atol=1e-13)
+        np.testing.assert_allclose(floor, path.motion.at(t)[1][:, 0], rtol=0, atol=1e-13)
 
     @given(
         point=points(),
@@ -171,29 +186,22 @@ class TestKinematics:
         acceleration = column(ca.DM(found.direction * yaw_acceleration + found.rest))
         np.testing.assert_allclose(acceleration, (8 * near - far) / (12 * step), rtol=1e-9, atol=1e-9)
 
-    @given(point=points(), platform=platforms(), motion=motions(), t=times, heading=angles(), yaw_rate=yaw_rates)
-    def test_the_laws_look_at_the_same_functions(
-        self,
-        point: tuple[float, float],
-        platform: Platform,
-        motion: ProgramMotion,
-        t: float,
-        heading: float,
-        yaw_rate: float,
-    ) -> None:
-        path = Numeric(platform, point, motion)
-        _, program_velocity, program_acceleration = motion.at(t)
-        matrices = unpack(ca.DM(coefficients(platform)), platform.wheel_count)
+    @given(place=places())
+    def test_the_laws_look_at_the_same_functions(self, place: Place) -> None:
+        path, t, heading, yaw_rate = place
+        _, program_velocity, program_acceleration = path.motion.at(t)
+        matrices = unpack(ca.DM(coefficients(path.platform)), path.platform.wheel_count)
+        point = ca.DM(path.point)
         moment = Moment(
             t=ca.DM(t),
             heading=ca.DM(heading),
             yaw_rate=ca.DM(yaw_rate),
             program_velocity=ca.DM(program_velocity),
             program_acceleration=ca.DM(program_acceleration),
-            point=ca.DM(point),
+            point=point,
             matrices=matrices,
             on_program=on_program(
-                ca.DM(point), ca.DM(heading), ca.DM(yaw_rate), ca.DM(program_velocity), ca.DM(program_acceleration)
+                point, ca.DM(heading), ca.DM(yaw_rate), ca.DM(program_velocity), ca.DM(program_acceleration)
             ),
         )
         expected = path.servo(t, heading, yaw_rate)
@@ -208,40 +216,28 @@ class TestKinematics:
 
 
 class TestYawEquation:
-    @given(platform=youbots(), point=points(), motion=motions(), t=times, heading=angles(), yaw_rate=yaw_rates)
-    def test_the_servo_law_is_equation_3_9_with_the_coefficients_3_10(
-        self,
-        platform: Platform,
-        point: tuple[float, float],
-        motion: ProgramMotion,
-        t: float,
-        heading: float,
-        yaw_rate: float,
-    ) -> None:
+    @given(place=places(platform=youbots()))
+    def test_the_servo_law_is_equation_3_9_with_the_coefficients_3_10(self, place: Place) -> None:
         # V_B* in body axes, (4.1), and its derivative in time along psi' = Omega.
-        _, v, a = (row[:, 0] for row in motion.at(t))
+        path, t, heading, yaw_rate = place
+        _, v, a = (row[:, 0] for row in path.motion.at(t))
         c, s = math.cos(heading), math.sin(heading)
         v_b = np.array([c * v[0] + s * v[1], -s * v[0] + c * v[1]])
         a_b = np.array([c * a[0] + s * a[1], -s * a[0] + c * a[1]])
         dv_b = a_b + yaw_rate * np.array([v_b[1], -v_b[0]])
-        paper = PaperYaw(numbers_of(platform), point, 1.0, 1.0)
-        found = Numeric(platform, point, motion).servo(t, heading, yaw_rate)
+        paper = PaperYaw(numbers_of(path.platform), path.point, 1.0, 1.0)
+        found = path.servo(t, heading, yaw_rate)
         scale = paper.size * (np.abs(v_b).sum() * (1 + abs(yaw_rate)) + np.abs(dv_b).sum() + abs(yaw_rate))
         assert abs(found - paper.yaw_equation(v_b, dv_b, yaw_rate)) <= 1e-12 * scale
 
-    @given(platform=youbots(), point=points(), circle=circles(), t=times, heading=angles(), yaw_rate=yaw_rates)
-    def test_the_servo_law_on_a_circle_is_equations_4_3_and_4_4(
-        self,
-        platform: Platform,
-        point: tuple[float, float],
-        circle: Circle,
-        t: float,
-        heading: float,
-        yaw_rate: float,
-    ) -> None:
-        paper = PaperYaw(numbers_of(platform), point, circle.rate, circle.radius)
+    @given(place=places(platform=youbots(), motion=circles()))
+    def test_the_servo_law_on_a_circle_is_equations_4_3_and_4_4(self, place: Place) -> None:
+        path, t, heading, yaw_rate = place
+        circle = path.motion
+        assert isinstance(circle, Circle)
+        paper = PaperYaw(numbers_of(path.platform), path.point, circle.rate, circle.radius)
         psi = heading - circle.rate * t - circle.phase
-        found = Numeric(platform, point, circle).servo(t, heading, yaw_rate)
+        found = path.servo(t, heading, yaw_rate)
         speed = circle.radius * abs(circle.rate)
         scale = paper.size * (speed * (1 + abs(yaw_rate) + abs(circle.rate)) + abs(yaw_rate) + abs(circle.rate))
         assert abs(found - paper.circle_4_3(psi, yaw_rate - circle.rate)) <= 1e-12 * scale
@@ -280,52 +276,36 @@ def numbers_of(platform: Platform) -> YouBot:
 
 
 class TestGauss:
-    @given(platform=platforms(), point=points(), motion=motions(), t=times, heading=angles(), yaw_rate=yaw_rates)
-    def test_the_servo_wrench_has_no_component_along_the_free_rotation(
-        self,
-        platform: Platform,
-        point: tuple[float, float],
-        motion: ProgramMotion,
-        t: float,
-        heading: float,
-        yaw_rate: float,
-    ) -> None:
+    @given(place=places())
+    def test_the_servo_wrench_has_no_component_along_the_free_rotation(self, place: Place) -> None:
         # C^T Pi_C = 0, i.e. Pi_C = B^T lambda, (3.5), (3.13).
-        path = Numeric(platform, point, motion)
+        path, t, heading, yaw_rate = place
         f_x, f_y, moment = path.wrench(t, heading, yaw_rate)
-        k = dynamics(platform).coefficients
+        k = dynamics(path.platform).coefficients
         # The wrench is a difference of inertial, gyroscopic and viscous forces.
         velocity = path.velocity(t, heading, yaw_rate)
         scale = np.abs(np.array(k.friction)).max() * np.abs(velocity).max()
         scale += np.abs(np.array(k.inertia)).max() * (abs(path.servo(t, heading, yaw_rate)) + 50) + 1
-        assert abs(moment + point[1] * f_x - point[0] * f_y) <= 1e-12 * scale
+        assert abs(moment + path.point[1] * f_x - path.point[0] * f_y) <= 1e-12 * scale
 
-    @given(platform=platforms(), point=points(), motion=motions(), t=times, heading=angles(), yaw_rate=yaw_rates)
-    def test_the_servo_wrench_is_the_minimiser_of_gausss_quadratic_program(
-        self,
-        platform: Platform,
-        point: tuple[float, float],
-        motion: ProgramMotion,
-        t: float,
-        heading: float,
-        yaw_rate: float,
-    ) -> None:
+    @given(place=places())
+    def test_the_servo_wrench_is_the_minimiser_of_gausss_quadratic_program(self, place: Place) -> None:
         # min 1/2 Pi^T A^-1 Pi over the wrenches under which B has its program acceleration on the floor.
-        path = Numeric(platform, point, motion)
+        path, t, heading, yaw_rate = place
         state = np.concatenate([[0.0, 0.0, heading], path.velocity(t, heading, yaw_rate)])
-        d = dynamics(platform)
+        d = dynamics(path.platform)
         inertia = np.array(d.inertia_matrix(np.zeros(6)))
         resisting = column(d.inverse(state, np.zeros(3)))
         flexibility = np.linalg.inv(inertia)
         # Acceleration of B on the floor = turning (linear pi'' + still), with pi'' = flexibility (Pi - resisting).
         c, s = math.cos(heading), math.sin(heading)
         turning = np.array([[c, -s], [s, c]])
-        b_x, b_y = point
+        b_x, b_y = path.point
         v_x, v_y, omega = state[3:]
         linear = turning @ np.array([[1.0, 0.0, -b_y], [0.0, 1.0, b_x]])
         still = turning @ np.array([-omega * v_y - omega**2 * b_x, omega * v_x - omega**2 * b_y])
         constraint = linear @ flexibility
-        wanted = motion.at(t)[2][:, 0] - still + constraint @ resisting
+        wanted = path.motion.at(t)[2][:, 0] - still + constraint @ resisting
         system = np.block([[flexibility, constraint.T], [constraint, np.zeros((2, 2))]])
         expected = np.linalg.solve(system, np.concatenate([np.zeros(3), wanted]))[:3]
         scale = np.abs(resisting).max() + np.abs(inertia).max() * np.abs(wanted).max() + 1e-3

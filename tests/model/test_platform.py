@@ -69,6 +69,12 @@ class TestRefusals:
         with pytest.raises(InputError, match=r"^Wheel: roller_angle .+ parallel to the wheel's axle"):
             Wheel(**(WHEEL | {"roller_angle": quarter_turns * math.pi / 2}))
 
+    def test_a_roller_is_smaller_than_its_wheel(self) -> None:
+        Wheel(**(WHEEL | {"roller_radius": 0.05 * (1 - 1e-9)}))
+        for value in (0.05, 0.0500001, 3.0):
+            with pytest.raises(InputError, match=rf"^Wheel: roller_radius .+, 0\.05 m, not {value!r} m$"):
+                Wheel(**(WHEEL | {"roller_radius": value}))
+
     @pytest.mark.parametrize("count", [0, 1, 2])
     def test_fewer_than_three_wheels_are_refused(self, count: int) -> None:
         with pytest.raises(InputError, match=rf"^Platform: {count} wheels .+ at least 3"):

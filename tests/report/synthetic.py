@@ -89,7 +89,7 @@ def store(
         )
         case["controllers"][entry["controller"]] = {"trajectory": None}
     for (name, controller), data in (motions or {}).items():
-        place = f"trajectories/{cases[name]['slug']}/{controller.replace(' ', '_')}.nc"
+        place = f"trajectories/{cases[name]['slug']}@{controller.replace(' ', '_')}.nc"
         store_motion(folder / place, data)
         cases[name]["controllers"][controller]["trajectory"] = place
     experiment = {

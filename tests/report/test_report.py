@@ -40,6 +40,25 @@ def test_question_comes_first_and_then_the_answer(tmp_path: Path) -> None:
     assert lines[3].startswith("| controller | status | start | end | work")
 
 
+def test_rows_that_are_not_ok_come_with_reason_and_advice(tmp_path: Path) -> None:
+    text = section(report(store(tmp_path, ROWS)), "## Answer").split("### Rows that are not ok\n")[1]
+    assert "| infeasible | wheel 2 torque needs 3.1 N m; limit 2.1 N m |" in text
+    assert "\n- Infeasible: raise the limit that the message names, or" in text
+    assert "\n- Crashed: report the message" in text
+    assert "Failed" not in text
+    assert "Infeasible" not in report(store(tmp_path, ROWS[:2]))
+
+
+def test_classes_are_explained_where_they_appear(tmp_path: Path) -> None:
+    plain = section(report(store(tmp_path, ROWS)), "## How to read this table")
+    rows = [row("law", 100.0), row("a", 90.0, keep="tube", start="free", end="periodic"), row("b", 90.0, end="rest")]
+    text = section(report(store(tmp_path, [*rows, row("c", 80.0, keep="ends")])), "## How to read this table")
+    for words in ("Keep `tube`", "Keep `ends`", "Start `free`", "End `periodic`", "End `rest`"):
+        assert text.count(words) == 1
+        assert words not in plain
+    assert re.findall(r"^(\d+)\. ", text, re.MULTILINE) == [str(i + 1) for i in range(10)]
+
+
 def test_each_row_has_its_numbers(tmp_path: Path) -> None:
     text = section(report(store(tmp_path, ROWS)), "## Answer")
     assert "| law | ok | given | free | 100.000 | 25.00 (local) | 2.00000 | 100.0 (local) | 1.250 |" in text
