@@ -18,7 +18,7 @@ import numpy as np
 from occ.errors import Status
 from occ.optimal.attempt import Attempt, Grid, Guess, Method, transcription_of
 from occ.optimal.error import ErrorEstimate, estimate_error, fine_points
-from occ.optimal.mesh import SchemeName, scheme
+from occ.optimal.mesh import SchemeName, bisect, scheme
 from occ.optimal.problem import Nodes, Numbers, Problem
 from occ.optimal.transcription import Transcription
 
@@ -280,8 +280,9 @@ def refine(edges: np.ndarray, error: ErrorEstimate, tolerance: float) -> np.ndar
     """Cut the intervals that contribute most in two until all together could meet the tolerance.
 
     Where the better half of the intervals is good enough, those in the layers are cut again and again in one go; where
-    the error is everywhere, once.  The number of intervals is rounded up to a multiple of eight, so that cases of a
-    sweep share their programs.
+    the error is everywhere, once.  The number of intervals is rounded up to a multiple of eight by halving the widest
+    ones, so that cases of a sweep share their programs: layers that are thinner than they need to be ask for torques
+    whose work is lost in rounding.
 
     Args:
         edges: (N + 1,).
@@ -295,13 +296,29 @@ def refine(edges: np.ndarray, error: ErrorEstimate, tolerance: float) -> np.ndar
     heapify(worst)
     left, most = error.each.sum(), 2 * len(worst)
     gain = GAIN if np.sort(error.each)[: len(worst) // 2].sum() <= tolerance / 2 else 0.0
-    while len(worst) < most and (left > tolerance / 2 or len(worst) % 8 or len(worst) == most // 2):
+    while len(worst) < most and (left > tolerance / 2 or len(worst) == most // 2):
         each, begin, end = heappop(worst)
         half, middle = each * gain / 2, (begin + end) / 2
         left += each - 2 * half
         heappush(worst, (half, begin, middle))
         heappush(worst, (half, middle, end))
-    return np.sort([edges[0], *(end for _, _, end in worst)])
+    return filled_up(np.sort([edges[0], *(end for _, _, end in worst)]), most)
+
+
+def filled_up(edges: np.ndarray, most: int | None = None) -> np.ndarray:
+    """A mesh whose number of intervals is a multiple of eight: the widest ones are cut in two.
+
+    Args:
+        edges: (N + 1,).
+        most: intervals there may be.
+
+    Returns:
+        (M + 1,).
+    """
+    count = len(edges) - 1
+    missing = min(-count % 8, (most or np.inf) - count, count)
+    widest = np.argsort(-np.diff(edges), kind="stable")[: int(missing)]
+    return bisect(edges, np.isin(np.arange(count), widest))
 
 
 def resample(old: Transcription, old_edges: np.ndarray, nodes: Nodes, new: Transcription, edges: np.ndarray) -> Nodes:

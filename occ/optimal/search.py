@@ -17,9 +17,8 @@ from occ.optimal.elastic import explained
 from occ.optimal.formulation import Formulation, Rotation
 from occ.optimal.limit_proof import with_proof
 from occ.optimal.limits import with_knots
-from occ.optimal.mesh import bisect
 from occ.optimal.problem import Nodes, Numbers
-from occ.optimal.refinement import NumbersOf, Refinement
+from occ.optimal.refinement import NumbersOf, Refinement, filled_up
 from occ.optimal.starts import same_minimum
 from occ.optimal.transcription import Transcription
 
@@ -262,7 +261,4 @@ def quartered(edges: np.ndarray, marked: np.ndarray) -> np.ndarray:
         (M + 1,) [s].
     """
     quarters = edges[:-1, None] + np.diff(edges)[:, None] * np.array([0.25, 0.5, 0.75])
-    finer = np.sort(np.concatenate([edges, quarters[marked].ravel()]))
-    missing = -(len(finer) - 1) % 8
-    widest = np.argsort(-np.diff(finer), kind="stable")[:missing]
-    return bisect(finer, np.isin(np.arange(len(finer) - 1), widest))
+    return filled_up(np.sort(np.concatenate([edges, quarters[marked].ravel()])))
