@@ -7,6 +7,7 @@ answers to its output; killing it is always safe.
 
 from __future__ import annotations
 
+import gc
 import os
 import pickle
 import signal
@@ -25,6 +26,8 @@ THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_N
 """What libraries of linear algebra read when they are loaded."""
 WATCH = 0.5
 """[s] A process whose parent is gone ends after this time."""
+GARBAGE = 50_000
+"""New objects between two looks for cyclic garbage: what a process keeps from case to case is large and has none."""
 PROGRAM = "import sys; sys.path[:] = eval(sys.argv[1]); from occ.experiment.child import serve; serve()"
 SIZE = struct.Struct("<Q")
 
@@ -206,6 +209,7 @@ def serve() -> None:
         os.dup2(2, 1)
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
+        gc.set_threshold(GARBAGE)
         memory = _receive(requests)
         if memory is not None:
             _limit_memory(memory)

@@ -77,6 +77,8 @@ class Collocation:
             which ipopt takes over from where it gives up.
         compiled: the program's functions in machine code where there is a C compiler (solver fatrop): the same numbers
             to the last bit, sooner where one program is solved many times.
+        arcs: bang and singular arcs of an objective without curvature in the torques by the switching function, in the
+            row's message; its costates take one more solve where the solver is fatrop.
         iterations: of the solver in each solve, at most.
         seconds: [s] of the solver in each solve, at most; fatrop gets the iterations that fit into them.
 
@@ -115,6 +117,7 @@ class Collocation:
     starts: Annotated[int, Ge(1), Le(200)] = 1
     solver: SolverName = "ipopt"
     compiled: bool = False
+    arcs: bool = True
     iterations: Annotated[int, Ge(1), Le(100_000)] = 500
     seconds: Positive = 60.0
 
@@ -368,7 +371,7 @@ class Collocation:
         """What there is to say of a solution that is fine."""
         notes = [f"local optimum, {attempt.words}"]
         if not is_regular(self.aim.terms):
-            notes.append(note(formulation, attempt))
+            notes.append(note(formulation, attempt, by_switching=self.arcs))
         if smoothed is not None:
             notes.append(smoothed.words("units" if self.objective == "weighted" else objective(self.objective).unit))
         if self.starts > 1:

@@ -192,20 +192,21 @@ def _arc_of(arcs: list[Arc], edges: np.ndarray) -> np.ndarray:
     return np.searchsorted([arc.end for arc in arcs], (edges[:-1] + edges[1:]) / 2)
 
 
-def note(formulation: Formulation, attempt: Attempt) -> str:
+def note(formulation: Formulation, attempt: Attempt, *, by_switching: bool = True) -> str:
     """A sentence on the singular arcs and layers of a solution.
 
     Args:
         formulation: for the yaw rate.
         attempt: the solution.
+        by_switching: with the arcs that the switching function tells.
 
     Returns:
         Text with numbers and units.
     """
     found = layers(attempt.edges, formulation.yaw_rates(attempt.outcome.nodes))
-    by_switching = _switching_words(formulation, attempt)
+    arcs = f"; {_switching_words(formulation, attempt)}" if by_switching else ""
     if not found:
-        return f"singular arc (the cost has no curvature in the torques), without jumps of the yaw rate; {by_switching}"
+        return f"singular arc (the cost has no curvature in the torques), without jumps of the yaw rate{arcs}"
     words = [
         f"at t = {layer.t:.4g} s the yaw rate jumps by {layer.jump:.3g} rad/s (layer of {layer.width:.2g} s)"
         for layer in found
@@ -213,4 +214,4 @@ def note(formulation: Formulation, attempt: Attempt) -> str:
     text = "singular arc (the cost has no curvature in the torques) between boundary layers: " + ", ".join(words)
     if attempt.growth > GROWS:
         text += f"; the control in them grows with the mesh, {attempt.growth:.2g} times on one with twice the intervals"
-    return f"{text}; {by_switching}"
+    return f"{text}{arcs}"

@@ -54,6 +54,8 @@ def test_least_work_is_bang_singular_bang(limited: tuple[Formulation, Attempt]) 
     assert f"bang on 0 .. {first.end:.6g} s" in words
     assert f"singular on {middle.start:.6g} .. {middle.end:.6g} s, where Kelley's condition holds" in words
     assert "wheel 3 torque, wheel 4 torque" in words
+    # The rest of the sentence is the same where the arcs are not asked for.
+    assert words.startswith(f"{note(formulation, attempt, by_switching=False)}; by its switching function")
 
 
 def test_kelleys_expression_is_the_curvature_of_the_dissipation(limited: tuple[Formulation, Attempt]) -> None:
