@@ -280,9 +280,9 @@ def refine(edges: np.ndarray, error: ErrorEstimate, tolerance: float) -> np.ndar
     """Cut the intervals that contribute most in two until all together could meet the tolerance.
 
     Where the better half of the intervals is good enough, those in the layers are cut again and again in one go; where
-    the error is everywhere, once.  The number of intervals is rounded up to a multiple of eight by halving the widest
-    ones, so that cases of a sweep share their programs: layers that are thinner than they need to be ask for torques
-    whose work is lost in rounding.
+    the error is everywhere, once.  The number of intervals is rounded up to a multiple of eight, so that cases of a
+    sweep share their programs, by halving the worst of those that are whole: layers thinner than they need to be ask
+    for torques whose work is lost in rounding.
 
     Args:
         edges: (N + 1,).
@@ -302,23 +302,25 @@ def refine(edges: np.ndarray, error: ErrorEstimate, tolerance: float) -> np.ndar
         left += each - 2 * half
         heappush(worst, (half, begin, middle))
         heappush(worst, (half, middle, end))
-    return filled_up(np.sort([edges[0], *(end for _, _, end in worst)]), most)
+    finer = np.sort([edges[0], *(end for _, _, end in worst)])
+    places = np.searchsorted(finer, edges)
+    whole = np.flatnonzero(np.diff(places) == 1)
+    order = places[whole[np.argsort(-error.each[whole], kind="stable")]]
+    return filled_up(finer, order[: most - len(worst)])
 
 
-def filled_up(edges: np.ndarray, most: int | None = None) -> np.ndarray:
-    """A mesh whose number of intervals is a multiple of eight: the widest ones are cut in two.
+def filled_up(edges: np.ndarray, order: np.ndarray) -> np.ndarray:
+    """A mesh whose number of intervals is a multiple of eight, where there are enough to cut in two.
 
     Args:
         edges: (N + 1,).
-        most: intervals there may be.
+        order: intervals, those to be cut in two come first.
 
     Returns:
         (M + 1,).
     """
     count = len(edges) - 1
-    missing = min(-count % 8, (most or np.inf) - count, count)
-    widest = np.argsort(-np.diff(edges), kind="stable")[: int(missing)]
-    return bisect(edges, np.isin(np.arange(count), widest))
+    return bisect(edges, np.isin(np.arange(count), order[: -count % 8]))
 
 
 def resample(old: Transcription, old_edges: np.ndarray, nodes: Nodes, new: Transcription, edges: np.ndarray) -> Nodes:

@@ -261,4 +261,5 @@ def quartered(edges: np.ndarray, marked: np.ndarray) -> np.ndarray:
         (M + 1,) [s].
     """
     quarters = edges[:-1, None] + np.diff(edges)[:, None] * np.array([0.25, 0.5, 0.75])
-    return filled_up(np.sort(np.concatenate([edges, quarters[marked].ravel()])))
+    finer = np.sort(np.concatenate([edges, quarters[marked].ravel()]))
+    return filled_up(finer, np.argsort(-np.diff(finer), kind="stable"))

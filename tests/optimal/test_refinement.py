@@ -36,7 +36,7 @@ def test_a_layer_is_cut_until_what_is_left_meets_the_tolerance() -> None:
     each[-1] = 1e-2
     finer = refine(edges, estimate(each), 1e-4)
     # Half the tolerance is between 1e-2 times GAIN and 1e-2 times GAIN^2: two generations, no thinner layer, and the
-    # rest of the eight among the widest.
+    # rest of the eight among the whole ones.
     assert 1e-2 * GAIN > 5e-5 > 1e-2 * GAIN**2
     assert len(finer) - 1 == 24
     assert np.diff(finer).min() == np.diff(finer)[-1] == 1 / 64
