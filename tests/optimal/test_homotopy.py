@@ -60,7 +60,7 @@ def test_the_shipped_report_has_the_limit_beside_the_exact_infimum() -> None:
 def test_a_known_series_has_its_constant_as_limit() -> None:
     # J(k) = 7 + 3 k^(1/2) - 2 k + k^(3/2).
     def solve(weights: object) -> Solution:
-        k = weights.copper_loss  # type: ignore[attr-defined]
+        k = weights.copper_loss  # type: ignore[attr-defined]  # any object that has one
         cost = 7 + 3 * k**0.5 - 2 * k + k**1.5
         return Solution(control=None, start_state=None, statistics={"claimed_cost": cost})
 

@@ -113,7 +113,7 @@ def test_the_sign_agrees_with_the_active_limits(limited: tuple[Formulation, Atte
 )
 def test_without_a_limit_that_holds_the_control_all_is_singular(limits: Limits, formulation: str) -> None:
     # A limit of the state bends the singular arc, and phi vanishes on it all the same.
-    player = Collocation(objective="work", formulation=formulation)  # type: ignore[arg-type]
+    player = Collocation(objective="work", formulation=formulation)  # type: ignore[arg-type]  # by parameter
     words = player.solve(paper_task(limits=limits)).message
     assert "no limit holds the control, and its switching function vanishes throughout" in words
     assert "the control in them grows with the mesh" in words
