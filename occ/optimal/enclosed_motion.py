@@ -31,6 +31,7 @@ from occ.optimal.powers import (
     derivative,
     integral,
     integral_slack,
+    lebesgue,
     size_of,
     stacked,
     through,
@@ -147,15 +148,26 @@ def _polynomials(matrices: Matrices, motion: DrivenMotion, edges: np.ndarray, to
     v = motion(inside.ravel())[3:].reshape(3, *times.shape)
     weights = _integrals()
     force, inverse = values_at(torque, x), np.linalg.inv(matrices.inertia)
-    begin, size = v[:, :, :1], 3 * count
+    begin, size = v[:, :, 0].copy(), 3 * count
+    constant = np.kron(np.eye(3), np.ones((count, 1)))
     for _ in range(NEWTON):
         rate = -np.tensordot(inverse, matrices.balance(v, np.zeros_like(v), force), 1)
-        missing = v - begin - half[:, None] * (rate @ weights)
+        missing = v - begin[:, :, None] - half[:, None] * (rate @ weights)
         # d(missing at q)_i / d(v at p)_l = delta + h/2 weights_pq (A^-1 (f' + Z))_il at p.
         jacobian = np.einsum("n,pq,npil->niqlp", half, weights, inverse @ matrices.slope(v))
         jacobian += np.einsum("il,qp->iqlp", np.eye(3), np.eye(count))
-        step = np.linalg.solve(jacobian.reshape(-1, size, size), missing.transpose(1, 0, 2).reshape(-1, size, 1))
-        v = v - step.reshape(-1, 3, count).transpose(1, 0, 2)
+        right = np.concatenate(
+            [-missing.transpose(1, 0, 2).reshape(-1, size, 1), np.tile(constant, (len(half), 1, 1))], 2
+        )
+        steps = np.linalg.solve(jacobian.reshape(-1, size, size), right).reshape(-1, 3, count, 4)
+        # Each interval begins where the one before ends: the integrator's errors would be jumps.
+        change = np.empty((len(half), 3))
+        now = motion.start[3:]
+        for k, step in enumerate(steps):
+            change[k] = now - begin[:, k]
+            now = v[:, k, -1] + step[:, -1, 0] + step[:, -1, 1:] @ change[k]
+        begin = begin + change.T
+        v = v + (steps[..., 0] + np.einsum("niqj,nj->niq", steps[..., 1:], change)).transpose(1, 0, 2)
     return through(v)
 
 
@@ -170,14 +182,20 @@ def _integrals() -> np.ndarray:
 def _residual(
     matrices: Matrices, velocity: np.ndarray, torque: np.ndarray, edges: np.ndarray, inverse: np.ndarray
 ) -> np.ndarray:
-    """(N,) Largest |r|_{A^-1}: r is a polynomial, and no value of one is larger than the sum of its coefficients."""
+    """(N,) Largest |r|_{A^-1} of a polynomial r: the less of two bounds.
+
+    No value is larger than the sum of the Chebyshev coefficients, or than Lebesgue's constant times the largest value
+    at the Chebyshev points; the first is nearer where r is not small, the second keeps the digits where it is.
+    """
     degree = max(2 * (velocity.shape[2] - 1), torque.shape[2] - 1)
     x = 2 * chebyshev_places(degree) - 1
     rates = derivative(velocity, edges)
     values = matrices.balance(values_at(velocity, x), values_at(rates, x), values_at(torque, x))
-    bounds = np.abs(chebyshev_coefficients(values)).sum(axis=2)
-    # Of the values, of their sums, and of the coefficients, of which there are degree + 1.
-    bounds += UNIT * degree**2 * matrices.sizes.balance(size_of(velocity), size_of(rates), size_of(torque), sign=1.0)
+    sizes = matrices.sizes.balance(size_of(velocity), size_of(rates), size_of(torque), sign=1.0)
+    # Rounding is that of the values; there are degree + 1 coefficients, and that many values in each.
+    whole = np.abs(chebyshev_coefficients(values)).sum(axis=2) + UNIT * degree**2 * sizes
+    largest = lebesgue(degree) * (np.abs(values).max(axis=2) + UNIT * velocity.shape[2] * sizes)
+    bounds = np.minimum(whole, largest)
     return np.asarray(np.sqrt(np.einsum("ik,ij,jk->k", bounds, np.abs(inverse), bounds)))
 
 

@@ -36,6 +36,14 @@ def chebyshev_coefficients(values: np.ndarray) -> np.ndarray:
     )
 
 
+def lebesgue(degree: int) -> float:
+    """2 / pi log(n + 1) + 1: a polynomial is at most so many times its largest value at the n + 1 Chebyshev points.
+
+    Source: Trefethen, Approximation Theory and Approximation Practice, theorem 15.2.
+    """
+    return float(2 / np.pi * np.log(degree + 1) + 1)
+
+
 def through(values: np.ndarray) -> np.ndarray:
     """(m, N, p) Polynomials of degree p - 1 with values (m, N, p) at the places -cos(pi k / (p - 1)).
 

@@ -17,12 +17,10 @@ import numpy as np
 
 from occ.optimal.between import DEGREE, HALVINGS, RESOLVED, chebyshev_places, largest_of_polynomial
 from occ.optimal.enclosure import Balls, Enclosure
-from occ.optimal.powers import UNIT, cut, size_of, values_at
+from occ.optimal.powers import UNIT, cut, lebesgue, size_of, values_at
 
 RHOS = np.array([1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 24.0, 40.0, 80.0])[:, None]
 """Ellipses; the best one counts."""
-LEBESGUE = 2 / np.pi * np.log(DEGREE + 1) + 1
-"""Errors of the values at the Chebyshev points make at most so many times as much of an error of p."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +105,7 @@ def _panels(quantities: Quantities, where: np.ndarray, panels: int) -> tuple[np.
     scales = quantities.scales[:, None]
     value = np.stack([np.broadcast_to(ball.centre, (count, len(x))) for ball in points]) / scales[..., None]
     error = np.stack([np.broadcast_to(ball.radius, (count, len(x))) for ball in points]).max(axis=2)
-    rest = (distance + LEBESGUE * error) / scales + UNIT * DEGREE**2 * np.abs(value).max(axis=2)
+    rest = (distance + lebesgue(DEGREE) * error) / scales + UNIT * DEGREE**2 * np.abs(value).max(axis=2)
     above, below = (largest_of_polynomial(sign * value)[0] for sign in (1.0, -1.0))
     both = np.maximum(above, below) + rest, rest
     found, rest = (part.reshape(len(value), len(where), panels).max(axis=2) for part in both)
