@@ -37,6 +37,8 @@ class Objective:
         rest: smooth part from torque (n,) [N m] and wheel rates (n,) [rad/s], CasADi; None where there is none.
         clipped: column of powers of which only the positive parts count; None where there are none.
         clipped_share: factor of these positive parts.
+        signed: name of the objective in which they count with their signs instead, and which is nowhere larger; None
+            where there are none.
         regular: the integrand has curvature in every torque that makes a wrench, so that optimal torques are bounded.
         largest: the cost is the largest |M_i| over wheels and time, and no integral.
         wheel_by_wheel: other torques than those of least norm may be better for the same wrench.
@@ -50,6 +52,7 @@ class Objective:
     rest: Expression | None = None
     clipped: Expression | None = None
     clipped_share: float = 1.0
+    signed: str | None = None
     regular: bool = False
     largest: bool = False
     wheel_by_wheel: bool = False
@@ -87,6 +90,7 @@ OBJECTIVES: dict[str, Objective] = {
             unit="J",
             equation="sum max(M_i phi_i', 0)",
             clipped=_power,
+            signed="work",
             wheel_by_wheel=True,
         ),
         Objective(
@@ -98,6 +102,7 @@ OBJECTIVES: dict[str, Objective] = {
             work_share=-1.0,
             clipped=_power,
             clipped_share=2.0,
+            signed="work",
             wheel_by_wheel=True,
         ),
         Objective(
@@ -106,6 +111,7 @@ OBJECTIVES: dict[str, Objective] = {
             unit="J",
             equation="max(sum M_i phi_i', 0)",
             clipped=ca.dot,
+            signed="work",
         ),
         Objective(
             name="torque_squared",
@@ -138,6 +144,7 @@ OBJECTIVES: dict[str, Objective] = {
             unit="J",
             equation="max(sum M_i phi_i' + k sum M_i^2, 0)",
             clipped=lambda m, w: ca.dot(m, w) + _copper_loss(m, w),
+            signed="electric",
         ),
         Objective(
             name="peak_torque",

@@ -107,6 +107,19 @@ def test_integrands_are_smooth_where_no_kink_changes_its_sign(name: str) -> None
     assert tried > 30
 
 
+@given(torque=vectors(4, 3.0), rates=vectors(4, 10.0))
+def test_clipped_powers_counted_with_their_signs_are_no_more_and_the_same_where_all_drive(
+    torque: np.ndarray, rates: np.ndarray
+) -> None:
+    assert {item.name for item in OBJECTIVES.values() if item.signed} == WITH_KINKS
+    found, driving = measures(torque, rates)[0], measures(torque, np.copysign(rates, torque))[0]
+    for item in INTEGRALS.values():
+        if item.signed:
+            size = 1e-13 * (1.0 + found["absolute_work"] + found["copper_loss"])
+            assert found[item.name] >= found[item.signed] - size
+            assert driving[item.name] == pytest.approx(driving[item.signed], rel=1e-12, abs=1e-12)
+
+
 @pytest.mark.parametrize("name", sorted(WITH_KINKS))
 def test_integrands_have_a_kink_where_theirs_changes_sign(name: str) -> None:
     generator = np.random.default_rng(4)

@@ -45,6 +45,8 @@ An interior point method leaves its last barrier parameter, a tenth of this, to 
 by as much in every one of them, and a finer mesh has more of them."""
 LEAST_NON_SMOOTH = 1e-11
 """Below this the solver's linear equations lose the digits of the pairs."""
+LEAST_TOLERANCE = 1e-12
+"""Below this the error between nodes is rounding, and no mesh would do."""
 EXTRA_TURNS = 1
 """Windings that ``any`` tries beyond those between no turn and the turns of the program."""
 
@@ -113,7 +115,7 @@ class Collocation:
     scheme: SchemeName = "radau"
     intervals: Annotated[int, Ge(2), Le(MOST_INTERVALS)] = 16
     degree: Annotated[int, Ge(2), Le(12)] = 5
-    tolerance: Positive = 1e-6
+    tolerance: Annotated[float, Ge(LEAST_TOLERANCE)] = 1e-6
     starts: Annotated[int, Ge(1), Le(200)] = 1
     solver: SolverName = "ipopt"
     compiled: bool = False
@@ -316,9 +318,9 @@ class Collocation:
             return replace(failed, message="the servo law is unstable on this horizon, so that it has no end state")
         search = Search(formulation, self.method)
         starts = starts_of(task, self.starts, formulation.settings.ends.turn, free=self.start == "free")
-        attempts = search.starts(self.first_mesh(task), [start.rotation for start in starts])
-        minima = distinct(formulation, starts, attempts)
-        attempt, reason = search.run(minima[0].attempt if minima else attempts[0])
+        attempts = search.starts(self.first_mesh(task), starts)
+        minima = distinct(formulation, attempts)
+        attempt, reason = search.run(minima[0].attempt if minima else attempts[starts[0].name])
         statistics: dict[str, Any] = {
             "rounds": search.rounds,
             "minima": [{"cost": m.cost, "starts": m.names} for m in minima],

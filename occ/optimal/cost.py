@@ -29,7 +29,8 @@ LOOSE: dict[Keep, float] = {"path": 1.0, "tube": 10.0, "ends": 30.0}
 for nothing do so in pulses unless the copper loss speaks against it.  From there on it is lowered as far as that is
 affordable."""
 SOFTER = (100.0, 10.0)
-"""Factors of the added copper loss with which a search begins: each problem is the guess of the next, rougher one."""
+"""Factors of the added copper loss with which a search begins: each problem is the guess of the next, rougher one.
+Before them all powers count with their signs: that problem has no slacks, and many starts meet in few minima."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -103,11 +104,23 @@ class Aim:
         """Whether the last term is a copper loss that settles what the others leave open."""
         return self.terms[-1] == "copper_loss" and not is_regular(self.terms[:-1]) and is_non_smooth(self.terms)
 
-    def softer(self) -> list[Aim]:
-        """The same with more of the added copper loss, the softest first; none where there is no such loss."""
+    def easier(self) -> list[Aim]:
+        """Easier ones, the easiest first: signed, then with more of the added copper loss; none without such a loss."""
         if not self.is_regularised:
             return []
-        return [Aim(self.terms, (*self.weights[:-1], factor * self.weights[-1])) for factor in SOFTER]
+        rougher = [Aim(self.terms, (*self.weights[:-1], factor * self.weights[-1])) for factor in SOFTER]
+        return [rougher[0].signed, *rougher]
+
+    @property
+    def signed(self) -> Aim:
+        """The same with all powers counted with their signs, and without a largest torque; its largest weight is 1."""
+        weights: dict[str, float] = {}
+        for item, weight in zip(objectives_of(self.terms), self.weights, strict=True):
+            if not item.largest:
+                name = item.signed or item.name
+                weights[name] = weights.get(name, 0.0) + weight
+        largest = max(weights.values())
+        return Aim(tuple(weights), tuple(weight / largest for weight in weights.values()))
 
     @classmethod
     def weighted(cls, weights: Weights) -> Aim:

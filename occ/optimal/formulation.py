@@ -89,6 +89,19 @@ class Formulation(ABC):
     def headings(self, nodes: Nodes) -> np.ndarray:
         """(N + 1,) [rad] Headings at the edges of a solution."""
 
+    @property
+    def phase_is_open(self) -> bool:
+        """A motion that begins at a later time costs the same, and all headings relative to the program are passed.
+
+        So it is where the program turns at a constant rate, start and end are free up to full turns, and the heading
+        makes another number of turns than the program.  Which heading is the first may then be chosen: left open, the
+        phase drifts from mesh to mesh to where the errors flatter the cost, and no edge stays at its switching time.
+        """
+        ends, rate = self.settings.ends, self.task.motion.turning_rate
+        if self.settings.keep != "path" or ends.start != "free" or ends.turn is None or rate is None:
+            return False
+        return abs(ends.turn - rate * self.task.duration) > np.pi
+
     @cached_property
     def hard_limits(self) -> np.ndarray:
         """Largest absolute values of the first path conditions, the tube's included."""
@@ -190,9 +203,9 @@ class Formulation(ABC):
             nodes.edges[-1], nodes.points[-1] = largest, largest
         return nodes
 
-    def softer(self) -> list[Formulation]:
-        """The same task with more of the copper loss that settles what its objective leaves open, the softest first."""
-        aims = self.settings.aim.softer()
+    def easier(self) -> list[Formulation]:
+        """The same task with easier aims whose solutions are guesses of one another's, the easiest first."""
+        aims = self.settings.aim.easier()
         return [replace(self, settings=replace(self.settings, aim=aim)) for aim in aims]
 
     def aimed(self, transcription: Transcription, edges: np.ndarray, nodes: Nodes) -> Formulation | None:

@@ -156,7 +156,7 @@ class Refinement:
         return self.attempt(attempt.grid.doubled, attempt, restart=True, look=False)
 
     def explained(self, attempt: Attempt) -> Attempt:
-        """An attempt without a solution, with the reason in its message."""
+        """An attempt without a solution, with the reason in its message; or another attempt that has one."""
         return attempt
 
     def solve(self, grid: Grid, guess: Guess) -> tuple[Attempt, str]:
@@ -177,6 +177,7 @@ class Refinement:
         for _ in range(ROUNDS):
             if attempt.outcome.status is not Status.OK or attempt.error is None:
                 attempt = self.explained(attempt)
+            if attempt.outcome.status is not Status.OK or attempt.error is None:
                 return attempt, attempt.outcome.message
             error, grid = attempt.error.total, self.finer(attempt)
             if grid is None:
@@ -324,7 +325,7 @@ def filled_up(edges: np.ndarray, order: np.ndarray) -> np.ndarray:
 
 
 def resample(old: Transcription, old_edges: np.ndarray, nodes: Nodes, new: Transcription, edges: np.ndarray) -> Nodes:
-    """A solution as the guess on another mesh.
+    """A solution as the guess on another mesh, or for a problem with further states and controls behind the same ones.
 
     Args:
         old: transcription of the solution.
@@ -334,7 +335,7 @@ def resample(old: Transcription, old_edges: np.ndarray, nodes: Nodes, new: Trans
         edges: (M + 1,) [s] the new mesh.
 
     Returns:
-        States and controls at the new nodes.
+        States and controls at the new nodes; what is new is zero.
     """
 
     def at(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -344,4 +345,8 @@ def resample(old: Transcription, old_edges: np.ndarray, nodes: Nodes, new: Trans
     points = new.node_times(edges)
     state, _ = at(edges)
     inner, control = at(points.ravel())
-    return Nodes(state, inner.reshape(len(inner), *points.shape), control.reshape(len(control), *points.shape))
+    nx, nu, *_ = new.sizes
+    state, inner, control = (
+        np.pad(rows, ((0, count - len(rows)), (0, 0))) for rows, count in ((state, nx), (inner, nx), (control, nu))
+    )
+    return Nodes(state, inner.reshape(nx, *points.shape), control.reshape(nu, *points.shape))

@@ -19,7 +19,7 @@ from occ.optimal.limit_proof import with_proof
 from occ.optimal.limits import with_knots
 from occ.optimal.problem import Nodes, Numbers
 from occ.optimal.refinement import NumbersOf, Refinement, filled_up
-from occ.optimal.starts import same_minimum
+from occ.optimal.starts import NamedStart, same_minimum
 from occ.optimal.transcription import Transcription
 
 STALL = 3
@@ -59,45 +59,55 @@ class Search(Refinement):
         self._kept = task.motion.knots(task.duration)
         self._tightening: Tightening | None = None
 
-    def starts(self, edges: np.ndarray, rotations: Sequence[Rotation]) -> list[Attempt]:
-        """A first solve from each guess.
+    def starts(self, edges: np.ndarray, starts: Sequence[NamedStart]) -> dict[str, Attempt]:
+        """A first solve from each guess, and where there are easier aims another one by way of the easiest.
 
         Args:
             edges: (N + 1,) [s] first mesh.
-            rotations: guesses.
+            starts: guesses.
 
         Returns:
-            One attempt for each.
+            Attempts by the names of their ways.
         """
         grid = Grid(edges=edges, degree=self.method.degree, scheme=self.formulation.settings.scheme)
-        starts: list[Attempt | Guess] = [partial(self.formulation.guess, rotation=rotation) for rotation in rotations]
-        # First with more of the copper loss that settles what the objective leaves open.
-        for formulation in self.formulation.softer():
-            softer = Search(formulation, self.method)
-            starts = softer._met(grid, starts)
-            self.rounds.extend(softer.rounds)
-        return self._from_each(grid, starts)
+        ways: dict[str, Attempt | Rotation] = {start.name: start.rotation for start in starts}
+        easier = self.formulation.easier()
+        for formulation in easier[:1]:
+            easy = self._with_aim(formulation)._met(grid, ways)
+            ways |= {
+                f"{name}, powers with their signs first": way for name, way in easy.items() if way is not ways[name]
+            }
+        for formulation in easier[1:]:
+            ways = self._with_aim(formulation)._met(grid, ways)
+        return self._from_each(grid, ways)
 
-    def _from_each(self, grid: Grid, starts: Sequence[Attempt | Guess]) -> list[Attempt]:
+    def _with_aim(self, formulation: Formulation) -> Search:
+        """Another search of the same kind; its rounds count as this one's."""
+        search = Search(formulation, self.method)
+        search.rounds = self.rounds
+        return search
+
+    def _from_each(self, grid: Grid, ways: dict[str, Attempt | Rotation]) -> dict[str, Attempt]:
         """A solve from each start; one for those that are the same, none where one has failed before."""
         found: dict[int, Attempt] = {}
-        for start in starts:
+        for start in ways.values():
             if isinstance(start, Attempt) and start.outcome.status is not Status.OK:
                 found[id(start)] = start
             elif id(start) not in found:
-                found[id(start)] = self.attempt(grid, start)
-        return [found[id(start)] for start in starts]
+                before = start if isinstance(start, Attempt) else partial(self.formulation.guess, rotation=start)
+                found[id(start)] = self.attempt(grid, before)
+        return {name: found[id(start)] for name, start in ways.items()}
 
-    def _met(self, grid: Grid, starts: Sequence[Attempt | Guess]) -> list[Attempt | Guess]:
+    def _met(self, grid: Grid, ways: dict[str, Attempt | Rotation]) -> dict[str, Attempt | Rotation]:
         """The solution from each start, the same one where they met in one minimum; the starts where there is none."""
         met: list[Attempt] = []
-        attempts = self._from_each(grid, starts)
-        for k, attempt in enumerate(attempts):
+        attempts = self._from_each(grid, ways)
+        for name, attempt in attempts.items():
             if attempt.outcome.status is Status.OK:
                 twins = (other for other in met if same_minimum(self.formulation, other, attempt))
-                attempts[k] = next(twins, attempt)
-                met += [attempts[k]] if attempts[k] is attempt else []
-        return list(attempts) if met else list(starts)
+                attempts[name] = next(twins, attempt)
+                met += [attempts[name]] if attempts[name] is attempt else []
+        return {**attempts} if met else ways
 
     def attempt(
         self,
@@ -227,10 +237,12 @@ class Search(Refinement):
         return self.attempt(attempt.grid.doubled, attempt, restart=True, numbers=numbers, look=False)
 
     def explained(self, attempt: Attempt) -> Attempt:
-        """The attempt with the contradicting limits named, where they are what keeps it from a solution."""
+        """The attempt with the contradicting limits named, or one from a motion that holds them all."""
         rows = np.arange(len(self.formulation.hard_limits))
-        outcome = explained(attempt.transcription, attempt.numbers, attempt.outcome, attempt.guess, rows)
-        return replace(attempt, outcome=outcome)
+        transcription, numbers = attempt.transcription, attempt.numbers
+        outcome, held = explained(transcription, numbers, attempt.outcome, attempt.guess, rows)
+        again = None if held is None else self.solved(transcription, numbers, held, restart=True)
+        return again if again is not None and again.error is not None else replace(attempt, outcome=outcome)
 
     def _place_knots(self, first: Attempt) -> Attempt:
         """Move edges to the switching times while that lowers what is wrong between the nodes."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -105,29 +105,25 @@ class Minimum:
         return self.attempt.outcome.cost
 
 
-def distinct(formulation: Formulation, starts: Sequence[NamedStart], attempts: Sequence[Attempt]) -> list[Minimum]:
+def distinct(formulation: Formulation, attempts: Mapping[str, Attempt]) -> list[Minimum]:
     """The different minima among attempts from several starts, the least first.
 
     Args:
         formulation: for headings.
-        starts: as many as attempts.
-        attempts: on one mesh; those that failed are left out.
+        attempts: on one mesh, by names; those that failed are left out.
 
     Returns:
         Minima that differ in cost or heading.
     """
     found: list[Minimum] = []
-    order = sorted(
-        (k for k, attempt in enumerate(attempts) if attempt.outcome.status is Status.OK),
-        key=lambda k: attempts[k].outcome.cost,
-    )
-    for k in order:
+    solved = [item for item in attempts.items() if item[1].outcome.status is Status.OK]
+    for name, attempt in sorted(solved, key=lambda item: item[1].outcome.cost):
         for j, minimum in enumerate(found):
-            if same_minimum(formulation, minimum.attempt, attempts[k]):
-                found[j] = Minimum(minimum.attempt, (*minimum.names, starts[k].name))
+            if same_minimum(formulation, minimum.attempt, attempt):
+                found[j] = Minimum(minimum.attempt, (*minimum.names, name))
                 break
         else:
-            found.append(Minimum(attempts[k], (starts[k].name,)))
+            found.append(Minimum(attempt, (name,)))
     return found
 
 

@@ -11,7 +11,7 @@ from occ.optimal.between import loads
 from occ.optimal.collocation import Collocation
 from occ.optimal.formulation import Formulation
 from occ.optimal.search import Search
-from occ.optimal.starts import law_rotation
+from occ.optimal.starts import starts_of
 from occ.task import Limits
 from tests.tasks import paper_task
 
@@ -24,7 +24,7 @@ def jumping() -> tuple[Formulation, Attempt]:
     formulation = player.posed(task)
     assert formulation is not None
     search = Search(formulation, Method(degree=5, tolerance=1e-6, options=player.options))
-    (attempt,) = search.starts(player.first_mesh(task), [law_rotation(task)])
+    (attempt,) = search.starts(player.first_mesh(task), starts_of(task, 1, None)).values()
     return formulation, attempt
 
 

@@ -13,6 +13,8 @@ from occ.model.presets import youbot
 from occ.motion import RestToRestLine
 from occ.optimal.collocation import Collocation
 from occ.optimal.problem import Bounds, Nodes, Numbers, Problem
+from occ.optimal.search import Method, Search
+from occ.optimal.starts import starts_of
 from occ.optimal.transcription import Transcription
 from occ.referee import examine, judge
 from occ.task import Limits, Solution, Task
@@ -79,15 +81,37 @@ class TestAgreement:
         one, other = (record.measures["torque_squared_N2m2s"] for record in records)
         assert other == pytest.approx(one, rel=1e-7)
 
+    def test_of_torque_rates_on_one_mesh(self) -> None:
+        # To the solver's own tolerance, and not to the looser one at which it may stop where its linear solver is lost.
+        task = paper_task(3.0, limits=Limits(torque=1.1, torque_rate=20.0))
+        found = []
+        for name in ("reduced", "full"):
+            player = Collocation(objective="work", formulation=name, tolerance=1e-4)
+            formulation = player.posed(task)
+            assert formulation is not None
+            search = Search(formulation, player.method)
+            (attempt,) = search.starts(player.first_mesh(task), starts_of(task, 1, None)).values()
+            assert attempt.outcome.statistics["return_status"] == "Solve_Succeeded"
+            found.append(attempt.outcome.cost)
+        # The rates of the torques are those of other polynomials: a little between the nodes.
+        assert found[1] == pytest.approx(found[0], rel=1e-8)
+
+    @pytest.mark.slow
+    def test_under_limits_of_torques_and_their_rates(self) -> None:
+        task = paper_task(3.0, limits=Limits(torque=1.1, torque_rate=20.0))
+        both = [Collocation(objective="work", formulation=name, tolerance=1e-5) for name in ("reduced", "full")]
+        records = [judge(task, player.solve(task)) for player in both]
+        assert [record.status for record in records] == [Status.OK] * 2, records[1].message
+        one, other = (record.measures["work_J"] for record in records)
+        assert other == pytest.approx(one, rel=1e-7)
+
     def test_b_is_on_its_velocity_at_every_collocation_point_and_at_the_end(self) -> None:
-        from occ.optimal.search import Method, Search
-        from occ.optimal.starts import law_rotation
 
         task, player = paper_task(), Collocation(objective="torque_squared", formulation="full")
         formulation = player.posed(task)
         assert formulation is not None
         search = Search(formulation, Method(degree=5, tolerance=1e-4, options=player.options))
-        (attempt,) = search.starts(player.first_mesh(task), [law_rotation(task)])
+        (attempt,) = search.starts(player.first_mesh(task), starts_of(task, 1, None)).values()
         nodes = attempt.outcome.nodes
         t = attempt.transcription.node_times(attempt.edges)
         assert t[-1, -1] == task.duration

@@ -97,7 +97,7 @@ def test_positive_work_in_a_tube_needs_a_soft_beginning(monkeypatch: pytest.Monk
     keys = {"objective": "positive_work", "keep": "tube", "radius": RADIUS, "tolerance": 1e-3}
     soft = Collocation(**keys).solve(task)
     assert judge(task, soft).status is Status.OK
-    monkeypatch.setattr(Formulation, "softer", lambda _: [])
+    monkeypatch.setattr(Formulation, "easier", lambda _: [])
     hard = Collocation(**keys).solve(task)
     assert soft.statistics["claimed_cost"] < hard.statistics.get("claimed_cost", math.inf) * (1 + 1e-4)
     iterations = [max(entry["iterations"] for entry in s.statistics["rounds"]) for s in (soft, hard)]

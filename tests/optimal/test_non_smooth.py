@@ -15,7 +15,7 @@ from occ.model.presets import youbot
 from occ.motion import RestToRestLine
 from occ.objectives import COPPER_LOSS, objective
 from occ.optimal.collocation import Collocation
-from occ.optimal.cost import Weights
+from occ.optimal.cost import Aim, Weights
 from occ.referee import judge
 from occ.task import Limits, Task
 from tests.tasks import paper_task
@@ -34,6 +34,26 @@ STRAIGHT = Task(
     motion=RestToRestLine(start=(0.0, 0.0), end=(LENGTH, 0.0), duration=DURATION),
     duration=DURATION,
 )
+
+
+class TestEasierAims:
+    """What a search begins with."""
+
+    def test_first_without_clipping_then_with_less_and_less_copper_loss(self) -> None:
+        aim = Aim.weighted(Weights(positive_work=2.0, absolute_work=3.0, electric_drawn=4.0)).regularised("tube")
+        signed, *rougher = aim.easier()
+        assert signed.terms == ("work", "electric", "copper_loss")
+        largest = max(5.0, rougher[0].weights[-1])
+        assert signed.weights == pytest.approx((5 / largest, 4 / largest, rougher[0].weights[-1] / largest))
+        assert [each.terms for each in rougher] == [aim.terms] * 2
+        assert rougher[0].weights[-1] > rougher[1].weights[-1] > aim.weights[-1]
+
+    def test_of_the_largest_torque(self) -> None:
+        assert Aim.single("peak_torque").regularised("path").easier()[0] == Aim(("copper_loss",), (1.0,))
+
+    @pytest.mark.parametrize("name", ["work", "torque_squared", "electric"])
+    def test_of_what_is_smooth(self, name: str) -> None:
+        assert Aim.single(name).regularised("tube").easier() == []
 
 
 def way(t: float) -> tuple[float, float]:

@@ -24,7 +24,7 @@ def solved(task: Task, player: Collocation) -> tuple[Formulation, Attempt]:
     assert formulation is not None
     search = Search(formulation, player.method)
     (start,) = starts_of(task, 1, None, free=False)
-    attempt, reason = search.run(search.starts(player.first_mesh(task), [start.rotation])[0])
+    attempt, reason = search.run(search.starts(player.first_mesh(task), [start])[start.name])
     assert attempt.outcome.status is Status.OK, reason
     return formulation, attempt
 
