@@ -12,7 +12,7 @@ from occ.optimal.error import ErrorEstimate
 from occ.optimal.limits import LimitedArcs
 from occ.optimal.mesh import SchemeName, bisect
 from occ.optimal.problem import Nodes, Numbers, Problem
-from occ.optimal.solvers import SolverOptions
+from occ.optimal.solvers import ACCEPTABLE, STOPPED_SHORT, SolverOptions
 from occ.optimal.transcription import Outcome, Transcription
 
 Guess = Callable[[Transcription, np.ndarray], Nodes]
@@ -144,4 +144,6 @@ class Attempt:
         twice = f"; twice as many change the cost by {self.doubled:.1g} of it" if np.isfinite(self.doubled) else ""
         held = f"; holding the limits between nodes costs {self.dearer:.1g} of it" if self.dearer > 0.0 else ""
         proven = f"; {self.arcs.words}" if self.arcs is not None and self.arcs.words else ""
-        return f"error between nodes {self.error.total:.1g} on {grid}{twice}{held}{proven}"
+        short = self.outcome.statistics.get("return_status") == STOPPED_SHORT
+        loose = f"; its optimality conditions hold to {ACCEPTABLE:.0e} only" if short else ""
+        return f"error between nodes {self.error.total:.1g} on {grid}{twice}{loose}{held}{proven}"

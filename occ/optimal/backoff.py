@@ -44,6 +44,12 @@ class Tightening:
         """The same with every interval cut in two."""
         return Tightening(np.repeat(self.taken, 2, axis=1), np.repeat(self.held, 2, axis=1))
 
+    @property
+    def is_possible(self) -> bool:
+        """Something is left of every limit, wherever the control is free."""
+        free = ~np.isfinite(self.held).any(axis=0)
+        return bool((self.taken[:, free] < 1.0).all())
+
     def applied(self, formulation: Formulation, numbers: Numbers, degree: int) -> Numbers:
         """The numbers of a problem with tighter limits and held controls.
 

@@ -20,6 +20,7 @@ from occ.optimal.attempt import Attempt, Method
 from occ.optimal.cost import Aim, Weights, is_non_smooth, is_regular
 from occ.optimal.formulation import Formulation
 from occ.optimal.full import Full
+from occ.optimal.infeasible import passed_at_ends
 from occ.optimal.limits import with_knots
 from occ.optimal.mesh import SchemeName, graded_mesh
 from occ.optimal.reduced import Reduced
@@ -316,6 +317,9 @@ class Collocation:
         formulation = self.posed(task, winding)
         if formulation is None:
             return replace(failed, message="the servo law is unstable on this horizon, so that it has no end state")
+        passed = passed_at_ends(task, formulation.settings.ends)
+        if passed:
+            return replace(failed, status=Status.INFEASIBLE, message=passed)
         search = Search(formulation, self.method)
         starts = starts_of(task, self.starts, formulation.settings.ends.turn, free=self.start == "free")
         attempts = search.starts(self.first_mesh(task), starts)

@@ -3,12 +3,14 @@
     min e  subject to  x' = f,  lower_i - sigma_i e <= q_i <= upper_i + sigma_i e,  e >= 0,
 
 where q are the bounded path conditions, states, controls and ends, and sigma_i the size of each bound: e is the part by
-which all limits would have to give way together.  It is an optimal control problem itself, with e as a constant state.
+which all limits would have to give way together (bounds of squares by 2 e + e^2).  It is an optimal control problem
+itself, with e as a constant state.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -16,12 +18,14 @@ import numpy as np
 from occ.errors import Status
 from occ.optimal.problem import Bounds, Nodes, Numbers, Problem, Row, flat
 from occ.optimal.solvers import SolverOptions
-from occ.optimal.transcription import Outcome, Transcription
+from occ.optimal.transcription import Transcription
 
 REGULARISATION = 1e-7
 """Of the controls: what the smallest relaxation leaves open is settled by the smallest mean square."""
 CONTRADICTION = 1e-5
 """A relaxation below this is the solver's own tolerance, not a contradiction."""
+ROUNDING = 1e-3
+"""Of the last printed digit: what a solver's tolerance may add to it."""
 SHARE = 0.5
 """Conditions that need at least this part of the relaxation are named."""
 
@@ -32,7 +36,7 @@ class Violation:
 
     Args:
         row: what it is.
-        value: the farthest value that it needs, in the row's unit.
+        value: the farthest value that it needs, in the row's unit or its square.
         bound: its bound there.
         time: [s] when.
         part: excess over the size of the bound.
@@ -46,7 +50,12 @@ class Violation:
 
     def __str__(self) -> str:
         unit = f" {self.row.unit}" if self.row.unit else ""
-        return f"{self.row.name} needs {self.value:.4g}{unit} at t = {self.time:.4g} s; limit {self.bound:.4g}"
+        value, bound = (
+            math.copysign(math.sqrt(abs(x)), x) if self.row.squared else x for x in (self.value, self.bound)
+        )
+        # A limit set to the printed number has to be wide enough.
+        needed = away(value, up=value > bound)
+        return f"{self.row.name} needs {needed:.4g}{unit} at t = {self.time:.4g} s; limit {bound:.4g}"
 
 
 @dataclass(frozen=True)
@@ -57,11 +66,13 @@ class Relaxation:
         part: e; every limit gives way by this part of its size.
         violations: the most violated conditions, the worst first, one for each row.
         nodes: the relaxed motion.
+        note: on how it was found, for its words.
     """
 
     part: float
     violations: tuple[Violation, ...]
     nodes: Nodes
+    note: str = ""
 
     @property
     def contradicts(self) -> bool:
@@ -75,17 +86,27 @@ class Relaxation:
             most: conditions that are named.
         """
         named = "; ".join(str(violation) for violation in self.violations[:most])
-        return f"{named}; with every limit wider by {100 * self.part:.3g} % there is a solution"
+        wider = away(100 * self.part, up=True, digits=3)
+        return f"{named}; with every limit wider by {wider:.3g} % there is a solution{self.note}"
+
+
+def away(value: float, *, up: bool, digits: int = 4) -> float:
+    """The number rounded to some digits, up or down; what is below the solver's tolerance changes none of them."""
+    unit = 10.0 ** (math.floor(math.log10(abs(value))) + 1 - digits) if value else 1.0
+    rounded = math.ceil(value / unit - ROUNDING) if up else math.floor(value / unit + ROUNDING)
+    return rounded * unit
 
 
 @dataclass(frozen=True)
 class _Soft:
-    """Conditions that give way: where they stand, and their bounds at all nodes (k, N, d) or at the ends (k, 1, 1)."""
+    """Conditions that give way: where they stand, their bounds at all nodes (k, N, d) or at the ends (k, 1, 1), and
+    which of them are of squares (k,)."""
 
     vector: str
     index: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
+    squared: np.ndarray
 
     @property
     def size(self) -> np.ndarray:
@@ -114,33 +135,6 @@ def smallest_relaxation(
     if found is None and ends:
         found = _relaxation(transcription, numbers, guess, inner, ends)
     return found
-
-
-def explained(
-    transcription: Transcription, numbers: Numbers, outcome: Outcome, guess: Nodes, rows: np.ndarray | None = None
-) -> Outcome:
-    """An outcome without a solution, with the conditions that contradict each other named in its message.
-
-    Args:
-        transcription: of the problem.
-        numbers: of the solve.
-        outcome: of the solve.
-        guess: of the solve.
-        rows: path conditions that may give way; None for all.
-
-    Returns:
-        The outcome as it is where it converged or ran out of iterations or time.
-    """
-    if outcome.status is Status.OK or outcome.statistics.get("exhausted"):
-        return outcome
-    relaxation = smallest_relaxation(transcription, numbers, guess, rows)
-    if relaxation is None:
-        return outcome
-    if relaxation.contradicts:
-        message = f"the limits contradict each other: {relaxation.words()}"
-        return replace(outcome, status=Status.INFEASIBLE, message=message)
-    message = f"{outcome.message}, although the limits can be held"
-    return replace(outcome, status=Status.FAILED, message=message)
 
 
 def _relaxation(
@@ -176,7 +170,9 @@ def _soft_conditions(
         index = np.flatnonzero((np.isfinite(lower) | np.isfinite(upper)).any(axis=(1, 2)))
         if among is not None:
             index = np.intersect1d(index, among)
-        return [_Soft(vector, index, lower[index], upper[index])] if index.size else []
+        named = vector in ("path", "state", "control")
+        squared = [named and transcription.problem.names.of(vector, int(i)).squared for i in index]
+        return [_Soft(vector, index, lower[index], upper[index], np.array(squared))] if index.size else []
 
     at_nodes, once = (count, degree), (1, 1)
     others = None if rows is None else np.zeros(0, dtype=int)
@@ -197,6 +193,8 @@ def _elastic_problem(problem: Problem, inner: list[_Soft], ends: list[_Soft]) ->
         return values, ca.SX.sym(f"{label}_size", values.numel())
 
     values, size = sized(inner, "inner")
+    squared = np.concatenate([s.squared for s in inner]) if inner else np.zeros(0)
+    give = size * (part + ca.DM(squared.astype(float)) * (part + part**2))
     end_values, end_size = sized(ends, "end")
     smallness = ca.SX.sym("smallness")
     hard = np.setdiff1d(np.arange(problem.path.numel()), [i for s in inner if s.vector == "path" for i in s.index])
@@ -210,7 +208,7 @@ def _elastic_problem(problem: Problem, inner: list[_Soft], ends: list[_Soft]) ->
         rate=ca.vertcat(problem.rate, 0),
         integrand=smallness * ca.sumsqr(problem.control),
         terminal=last,
-        path=ca.vertcat(*(problem.path[int(i)] for i in hard), values - size * part, values + size * part),
+        path=ca.vertcat(*(problem.path[int(i)] for i in hard), values - give, values + give),
         boundary=ca.vertcat(
             *([end_values - end_size * last, end_values + end_size * last] if ends else [problem.boundary])
         ),
@@ -282,6 +280,9 @@ def _parts(soft: _Soft, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Excess over the nearer bound by its size, and that bound, both like the values."""
     size = soft.size[:, None, None]
     over, under = (values - soft.upper) / size, (soft.lower - values) / size
+    # Of squares, the part by which the quantity itself would have to give way.
+    roots = soft.squared[:, None, None]
+    over, under = (np.where(roots, np.sqrt(np.maximum(1.0 + x, 0.0)) - 1.0, x) for x in (over, under))
     return np.maximum(over, under), np.where(over >= under, soft.upper, soft.lower)
 
 

@@ -212,7 +212,7 @@ class Full(Formulation):
         if ends.start == "free":
             boundary[6:10] = 0.0
             turn = np.full(6, np.inf)
-            turn[2] = np.pi
+            turn[2] = 0.0 if self.phase_is_open else np.pi
             start_bounds = Bounds(lower=start - turn, upper=start + turn)
         else:
             start_bounds = Bounds.fixed(start)
@@ -320,7 +320,9 @@ class Full(Formulation):
         yaw_rate = state[5] + ahead * here[0]
         t = edges[:-1, None] + widths * (s + step)
         torque = self._torque_on_program(t.ravel(), heading.ravel(), yaw_rate.ravel(), there[0].ravel())
-        torque += np.array(self.task.dynamics.coefficients.null_torque) @ there[1:].reshape(len(there) - 1, -1)
+        torque += np.array(self.task.dynamics.coefficients.null_torque) @ there[1:].reshape(
+            len(there) - 1, there[0].size
+        )
         return torque.reshape(-1, *state.shape[1:])
 
     def aimed(self, transcription: Transcription, edges: np.ndarray, nodes: Nodes) -> Formulation | None:

@@ -24,7 +24,7 @@ from occ.optimal.driven import DrivenMotion
 from occ.optimal.enclosed_motion import EnclosedVelocity, Matrices, enclosed_pose, enclosed_velocity
 from occ.optimal.formulation import Formulation
 from occ.optimal.full import Full, full_problem
-from occ.optimal.limits import line_numbers, rows_of
+from occ.optimal.limits import LimitedArcs, line_numbers, rows_of
 from occ.optimal.powers import UNIT, derivative, integral, integral_slack, size_of, stacked
 from occ.optimal.problem import Problem
 from occ.optimal.proof import Proven, Quantities, proven
@@ -37,12 +37,16 @@ KNOT = 1e-9
 SHARP = 1e-7
 """A bound that contains no more than this, relative to the limit, of what is not the polynomial's is a proof; others
 are left to the estimate, which would not be passed for nothing then."""
+LARGEST = "largest_torque"
+"""What is named where the largest torque is the cost and its rows are estimated."""
 TORQUE_SQUARED = Aim.single("torque_squared")
 """A cost without slacks that lets all null torques in: the path conditions are the limits and nothing else."""
 
 
 def with_proof(formulation: Formulation, attempt: Attempt) -> Attempt:
     """The attempt with proven bounds of its limited quantities in place of estimates, where there is a proof.
+
+    Where the largest torque m is the cost, |M_i| <= m is a limit like the others.
 
     Args:
         formulation: of the task.
@@ -51,30 +55,61 @@ def with_proof(formulation: Formulation, attempt: Attempt) -> Attempt:
     Returns:
         The same where nothing is limited.
     """
-    arcs = attempt.arcs
-    if arcs is None or not arcs.hard or attempt.outcome.status is not Status.OK:
+    arcs, nodes = attempt.arcs, attempt.outcome.nodes
+    if arcs is None or attempt.outcome.status is not Status.OK:
         return attempt
-    control = formulation.control(attempt.transcription, attempt.edges, attempt.outcome.nodes)
+    claimed = float(nodes.edges[-1, -1]) if formulation.shape.peaks else np.nan
+    if not (arcs.hard or claimed > 0.0):
+        return attempt
+    control = formulation.control(attempt.transcription, attempt.edges, nodes)
     assert isinstance(control, SymbolicControl)
+    asked = _with_torque_limit(formulation, claimed) if claimed > 0.0 else formulation
     if formulation.settings.keep == "path":
-        start = formulation.start_state(attempt.outcome.nodes)
-        found, added = proven(on_path(formulation, control, start[[2, 5]])), np.zeros((arcs.hard, 1))
+        start = formulation.start_state(nodes)
+        found = proven(on_path(asked, control, start[[2, 5]]))
+        added = np.zeros((len(asked.hard_limits), 1))
     else:
         assert isinstance(formulation, Full)
-        motion = formulation.driven(attempt.transcription, attempt.edges, attempt.outcome.nodes)
-        found, added = beside_path(formulation, control, motion)
+        assert isinstance(asked, Full)
+        found, added = beside_path(asked, control, formulation.driven(attempt.transcription, attempt.edges, nodes))
+    return replace(attempt, arcs=_with_bounds(arcs, formulation, asked, (found, added), claimed))
+
+
+def _with_torque_limit(formulation: Formulation, torque: float) -> Formulation:
+    """The same with this limit [N m] of the torques."""
+    task = formulation.task
+    return replace(formulation, task=replace(task, limits=replace(task.limits, torque=torque)))
+
+
+def _with_bounds(
+    arcs: LimitedArcs, formulation: Formulation, asked: Formulation, bounds: tuple[Proven, np.ndarray], claimed: float
+) -> LimitedArcs:
+    """The arcs with the bounds that are sharp; those of torques are in units of the claimed one, if there is one."""
+    found, added = bounds
+    places, proven_places = (_places(each) for each in (formulation, asked))
+    sharp = np.isfinite(found.largest).all(axis=1) & (added.max(axis=1) <= SHARP)
+    names = tuple(name for name in places if sharp[proven_places[name]].all())
+    relative = found.largest + added
+    largest, remainder = arcs.largest.copy(), found.remainder
+    for name in names:
+        of, rows = proven_places[name], places[name]
+        unit = (asked.hard_limits[of] / formulation.hard_limits[rows])[:, None]
+        largest[rows] = np.maximum(relative[of] * unit, arcs.load[rows].max(axis=2))
+        remainder = max(remainder, float(added[of].max()))
+    others = tuple(name for name in places if name not in names)
+    if claimed > 0.0 and sharp[proven_places["torque"]].all():
+        largest[arcs.hard :] = np.maximum(relative[proven_places["torque"]], arcs.load[arcs.hard :].max(axis=2))
+    elif claimed > 0.0:
+        claimed, others = np.nan, (*others, LARGEST)
+    return replace(arcs, largest=largest, proven=names, estimated=others, remainder=remainder, claimed=claimed)
+
+
+def _places(formulation: Formulation) -> dict[str, np.ndarray]:
+    """Rows of the limits of each quantity, the tube included."""
     places = rows_of(formulation.limited, formulation.shape.wheel_count)
     if formulation.settings.keep == "tube":
-        places["tube"] = np.array([arcs.hard - 1])
-    sharp = np.isfinite(found.largest).all(axis=1) & (added.max(axis=1) <= SHARP)
-    names = tuple(name for name, rows in places.items() if sharp[rows].all())
-    others = tuple(name for name in places if name not in names)
-    rows = np.concatenate([np.zeros(0, dtype=int), *(places[name] for name in names)])
-    largest = arcs.largest.copy()
-    largest[rows] = np.maximum((found.largest + added)[rows], arcs.load[rows].max(axis=2))
-    remainder = max(found.remainder, float(added[rows].max(initial=0.0)))
-    arcs = replace(arcs, largest=largest, proven=names, estimated=others, remainder=remainder)
-    return replace(attempt, arcs=arcs)
+        places["tube"] = np.array([len(formulation.hard_limits) - 1])
+    return places
 
 
 def on_path(formulation: Formulation, control: SymbolicControl, start: np.ndarray) -> Quantities:

@@ -86,7 +86,7 @@ def limit_names(names: tuple[str, ...], wheel_count: int) -> tuple[Row, ...]:
     rows: list[Row] = []
     for name in names:
         if name == "platform_speed":
-            rows.append(Row("platform speed squared", "m^2/s^2"))
+            rows.append(Row("platform speed", "m/s", squared=True))
         else:
             rows += [Row(*_WORDS[name], wheel) for wheel in range(1, wheel_count + 1)]
     return tuple(rows)
@@ -156,6 +156,7 @@ class LimitedArcs:
             others are proven for polynomials only, and their distance from the motion is estimated.
         estimated: names of those others.
         remainder: largest distance from a polynomial that the proven bounds contain, relative to the limit.
+        claimed: [N m] the largest torque where it is the cost and the rows that follow it are proven; NaN elsewhere.
     """
 
     t: np.ndarray
@@ -168,10 +169,21 @@ class LimitedArcs:
     proven: tuple[str, ...] = ()
     estimated: tuple[str, ...] = ()
     remainder: float = np.nan
+    claimed: float = np.nan
 
     @property
     def words(self) -> str:
-        """What is proven of the limits between the nodes, for a message; empty before anything is looked at."""
+        """What is proven of limits and the largest torque between the nodes; empty before anything is looked at."""
+        parts = [self._words_of_limits]
+        if np.isfinite(self.claimed):
+            passed = float(self.soft_excess.max())
+            parts.append(
+                f"torques proven between nodes to pass the claimed {self.claimed:.6g} N m by at most {passed:.1g} of it"
+            )
+        return "; ".join(part for part in parts if part)
+
+    @property
+    def _words_of_limits(self) -> str:
         listed, others = (" and ".join(names).replace("_", " ") for names in (self.proven, self.estimated))
         if not self.proven:
             return f"limits of {others} estimated between nodes" if others else ""

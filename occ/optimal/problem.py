@@ -16,11 +16,13 @@ class Row:
         quantity: "torque", "speed", "heading".
         unit: "N m"; empty where there is none.
         wheel: from 1; None where it belongs to no wheel.
+        squared: the condition is one of the quantity's square, whatever the reader is told.
     """
 
     quantity: str
     unit: str = ""
     wheel: int | None = None
+    squared: bool = False
 
     @property
     def name(self) -> str:

@@ -166,7 +166,7 @@ class Reduced(Formulation):
             difference = Bounds.fixed(np.array([ends.turn, 0.0]))
         if ends.start == "free":
             # Headings that differ by full turns are the same start.
-            turn = np.array([np.pi, np.inf])
+            turn = np.array([0.0 if self.phase_is_open else np.pi, np.inf])
             start = Bounds(lower=given - turn, upper=given + turn)
         return start, end, difference
 

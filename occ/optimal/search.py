@@ -13,8 +13,8 @@ from occ.optimal.attempt import Attempt, Grid, Guess, Method
 from occ.optimal.backoff import JUMP, Tightening, tightened
 from occ.optimal.between import limited_arcs
 from occ.optimal.cost import is_regular
-from occ.optimal.elastic import explained
 from occ.optimal.formulation import Formulation, Rotation
+from occ.optimal.infeasible import least_relaxation
 from occ.optimal.limit_proof import with_proof
 from occ.optimal.limits import with_knots
 from occ.optimal.problem import Nodes, Numbers
@@ -118,8 +118,10 @@ class Search(Refinement):
         numbers: NumbersOf | None = None,
         look: bool = True,
     ) -> Attempt:
-        # Where slacks choose between their two bounds, a start with a large barrier would choose again.
-        near = isinstance(before, Attempt) and bool(self.formulation.shape.slacks or self.formulation.shape.peaks)
+        # Where slacks choose between their two bounds, a start with a large barrier would choose again; in the middle
+        # of a tube, where its condition has no slope, the first step of such a start leaves it by far.
+        shape, followed = self.formulation.shape, isinstance(before, Attempt)
+        near = bool(shape.slacks or shape.peaks) if followed else shape.keep == "tube"
         attempt = super().attempt(grid, before, restart=restart or near, numbers=numbers, look=look)
         if near and attempt.outcome.status is not Status.OK:
             attempt = super().attempt(grid, before, numbers=numbers, look=look)
@@ -155,10 +157,8 @@ class Search(Refinement):
         grid = super().finer(attempt)
         if grid is None:
             # No mesh avoids the excess of a largest torque that jumps, but it can be kept to ever shorter intervals.
-            follows = attempt.arcs.soft_excess.max(axis=0, initial=0.0) if attempt.arcs is not None else np.zeros(1)
-            if follows.max() <= self.method.tolerance:
-                return None
-            return replace(attempt.grid, edges=quartered(attempt.edges, follows > self.method.tolerance))
+            passed = self._passes_largest(attempt)
+            return replace(attempt.grid, edges=quartered(attempt.edges, passed)) if passed.any() else None
         if attempt.arcs is None or not len(attempt.arcs.clipped) or grid.degree > attempt.grid.degree:
             return grid
         # Edges where a clipped power changes its sign in an interval that is not fine enough.
@@ -172,14 +172,25 @@ class Search(Refinement):
         """Limits held between the nodes, too; where that fails or costs too much, a finer mesh for it."""
         self._tightening = None
         attempt = self._proven(self._hitting(attempt))
-        if attempt.outcome.status is not Status.OK or attempt.hard_excess <= HELD:
+        if attempt.outcome.status is not Status.OK or self._holds(attempt):
             return attempt
-        if attempt.excess_share <= self._patience * self.method.tolerance:
+        if attempt.hard_excess > HELD and attempt.excess_share <= self._patience * self.method.tolerance:
             best = self._backed_off(attempt)
-            if self._is_affordable(best) and best.hard_excess <= HELD:
+            if self._is_affordable(best) and self._holds(best):
                 return best
-        jumps = attempt.passes(JUMP)
-        return replace(attempt.grid, edges=quartered(attempt.edges, jumps if jumps.any() else attempt.passes(HELD)))
+        jumps, passed = attempt.passes(JUMP), attempt.passes(HELD)
+        marked = jumps if jumps.any() else passed if passed.any() else self._passes_largest(attempt)
+        return replace(attempt.grid, edges=quartered(attempt.edges, marked))
+
+    def _holds(self, attempt: Attempt) -> bool:
+        """No limit, and no largest torque that is the cost, is passed between the nodes."""
+        return attempt.hard_excess <= HELD and attempt.largest_excess <= self.method.tolerance
+
+    def _passes_largest(self, attempt: Attempt) -> np.ndarray:
+        """(N,) of booleans: intervals in which the largest torque is passed by more than the tolerance."""
+        if attempt.arcs is None:
+            return np.zeros(attempt.grid.intervals, dtype=bool)
+        return np.asarray(attempt.arcs.soft_excess.max(axis=0, initial=0.0) > self.method.tolerance)
 
     def _proven(self, attempt: Attempt) -> Attempt:
         """An attempt that seems to hold its limits with the proof of it, or of the contrary."""
@@ -191,6 +202,8 @@ class Search(Refinement):
         least, best = attempt.outcome.cost, attempt
         for _ in range(BACKOFFS):
             self._tightening = tightened(self.formulation, best, self._tightening)
+            if not self._tightening.is_possible:
+                break
             best = self._proven(self._tighter(best, self._tightening))
             best = replace(best, dearer=(best.outcome.cost - least) / max(1.0, abs(least)))
             if best.hard_excess <= HELD or not self._is_affordable(best):
@@ -238,11 +251,20 @@ class Search(Refinement):
 
     def explained(self, attempt: Attempt) -> Attempt:
         """The attempt with the contradicting limits named, or one from a motion that holds them all."""
-        rows = np.arange(len(self.formulation.hard_limits))
-        transcription, numbers = attempt.transcription, attempt.numbers
-        outcome, held = explained(transcription, numbers, attempt.outcome, attempt.guess, rows)
-        again = None if held is None else self.solved(transcription, numbers, held, restart=True)
-        return again if again is not None and again.error is not None else replace(attempt, outcome=outcome)
+        outcome = attempt.outcome
+        if outcome.status is Status.OK or outcome.statistics.get("exhausted"):
+            return attempt
+        relaxation = least_relaxation(self.formulation, attempt)
+        if relaxation is None:
+            return attempt
+        if relaxation.contradicts:
+            message = f"the limits contradict each other: {relaxation.words()}"
+            return replace(attempt, outcome=replace(outcome, status=Status.INFEASIBLE, message=message))
+        again = self.solved(attempt.transcription, attempt.numbers, relaxation.nodes, restart=True)
+        if again.error is not None:
+            return again
+        message = f"{outcome.message}, although the limits can be held"
+        return replace(attempt, outcome=replace(outcome, status=Status.FAILED, message=message))
 
     def _place_knots(self, first: Attempt) -> Attempt:
         """Move edges to the switching times while that lowers what is wrong between the nodes."""

@@ -69,7 +69,7 @@ class Shape:
         """What each path condition is."""
         tube, velocity, slacks, peaks = self.following()
         rows = list(limit_names(self.limits, self.wheel_count))
-        rows += [Row("squared distance of B from its program over squared radius")] * tube
+        rows += [Row("distance of B from its program", "radii of the tube", squared=True)] * tube
         errors = [Row(f"{what} error of B in {axis}", unit) for what, unit in ERRORS for axis in "xy"]
         rows += errors[:velocity]
         rows += [Row(f"slack {j + 1} above its power", "W") for j in range(slacks)]

@@ -25,6 +25,13 @@ RESTART = 1e-6
 FATROP_BOUNDED = 1e-7
 """Tolerance that FATROP reaches reliably with inequalities: at smaller barrier parameters its recursion through the
 stages loses the digits of the reduced Hessian, and it goes on in tiny steps."""
+PIVOTS = 1e-4
+"""Relative threshold for the pivots of IPOPT's linear solver: with IPOPT's own, 1e-6, the signs of the pivots are lost
+where conditions of very different sizes meet, and IPOPT damps steps that need none."""
+ACCEPTABLE = 1e-6
+"""Tolerance with which IPOPT is content where it makes no progress any more; a row says so."""
+STOPPED_SHORT = "Solved_To_Acceptable_Level"
+"""IPOPT's word for that."""
 PATIENCE = 150
 """Iterations after which FATROP is not expected to converge any more, and IPOPT takes over; most solves take ten."""
 
@@ -122,6 +129,8 @@ def nonlinear_solver(
         own = _settings(options, restart) | {
             "sb": "yes",
             "linear_solver": options.linear_solver,
+            "mumps_pivtol": PIVOTS,
+            "acceptable_tol": ACCEPTABLE,
             "constr_viol_tol": options.tolerance,
             "max_wall_time": options.seconds,
             "fixed_variable_treatment": "make_parameter",

@@ -117,3 +117,10 @@ class TestTightening:
         doubled = Tightening(taken, held).doubled
         assert doubled.taken.tolist() == [[0.0, 0.0, 0.1, 0.1]]
         np.testing.assert_array_equal(doubled.held[0], [np.nan, np.nan, 3.0, 3.0])
+
+    def test_leaves_something_of_every_limit_where_the_control_is_free(self) -> None:
+        taken, held = np.array([[0.2, 1.3, 0.0]]), np.full((1, 3), np.nan)
+        assert Tightening(np.minimum(taken, 0.99), held).is_possible
+        assert not Tightening(taken, held).is_possible
+        held[0, 1] = 0.5
+        assert Tightening(taken, held).is_possible

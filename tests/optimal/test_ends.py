@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from occ.errors import InputError, Status
 from occ.model.presets import youbot
-from occ.motion import Line
+from occ.motion import Ellipse, Line
 from occ.optimal.collocation import Collocation
 from occ.referee import judge
-from occ.task import Start
+from occ.task import Limits, Start
 from tests.tasks import paper_task
 
 
@@ -39,6 +40,53 @@ class TestPeriodic:
         assert infimum - 5e-8 < record.measures["work_J"] < infimum * (1 + 1e-5)
         assert solution.claim.winding == winding
         assert abs(record.measures["kinetic_change_J"]) < 1e-6
+
+    def test_a_phase_that_nothing_determines_is_chosen(self) -> None:
+        # Another number of turns than the circle's: a motion that begins later costs the same, whatever comes first.
+        keys = {"objective": "torque_squared", "end": "periodic", "start": "free", "winding": 0}
+        costs = []
+        for heading in (0.3, 2.0):
+            task = paper_task(start=Start(heading=heading))
+            solution = Collocation(tolerance=1e-7, **keys).solve(task)
+            assert judge(task, solution).status is Status.OK, solution.message
+            assert solution.start_state is not None
+            assert solution.start_state[2] == pytest.approx(heading, abs=1e-12)
+            costs.append(solution.statistics["claimed_cost"])
+        assert costs[1] == pytest.approx(costs[0], rel=2e-7)
+
+    @pytest.mark.parametrize(
+        ("motion", "more"),
+        [
+            ({}, {"winding": -1}),
+            ({}, {"winding": 0, "start": "given"}),
+            ({}, {"winding": 0, "keep": "tube", "radius": 0.1}),
+            ({"motion": Ellipse(semi_axes=(0.8, 0.4), rate=-0.4)}, {"winding": 0}),
+        ],
+        ids=["the circle's turns", "given start", "tube", "ellipse"],
+    )
+    def test_elsewhere_the_phase_is_left_open(self, motion: dict[str, Any], more: dict[str, Any]) -> None:
+        keys = {"objective": "work", "end": "periodic", "start": "free"} | more
+        formulation = Collocation(**keys).posed(paper_task(**motion), keys["winding"])
+        assert formulation is not None
+        assert not formulation.phase_is_open
+        start, *_ = formulation.end_bounds()
+        place = 2 if "keep" in keys else 0
+        assert (start.upper - start.lower)[place] == (0.0 if keys["start"] == "given" else 2 * np.pi)
+
+    @pytest.mark.slow
+    def test_its_switching_times_stay_from_mesh_to_mesh(self) -> None:
+        costs = []
+        for heading in (0.0, 1.0):
+            task = paper_task(start=Start(heading=heading), limits=Limits(wheel_power=8.0))
+            player = Collocation(objective="work", end="periodic", start="free", winding=0)
+            solution = player.solve(task)
+            record = judge(task, solution)
+            assert record.status is Status.OK, record.message
+            assert solution.statistics["rounds"][-2]["intervals"] <= 100
+            costs.append(record.measures["work_J"])
+        # More than without the limit, 267.3555642 J, and the same wherever the motion begins.
+        assert costs[0] > 267.3555642
+        assert costs[1] == pytest.approx(costs[0], rel=1e-6)
 
     def test_any_winding_finds_the_better_one(self) -> None:
         task = paper_task()

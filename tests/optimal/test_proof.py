@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from functools import partial
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -12,13 +14,16 @@ from occ.control import SymbolicControl
 from occ.errors import Status
 from occ.motion import Ellipse, FigureEight, RestToRestLine, SplineMotion
 from occ.motion.base import ProgramMotion
+from occ.optimal.attempt import Attempt, Grid
 from occ.optimal.between import DEGREE, chebyshev_places, largest_of_polynomial
 from occ.optimal.collocation import Collocation
-from occ.optimal.limit_proof import on_path
+from occ.optimal.limit_proof import on_path, with_proof
 from occ.optimal.proof import Quantities, proven
 from occ.optimal.reduced import path_control
+from occ.optimal.search import Search
+from occ.optimal.starts import starts_of
 from occ.referee import examine
-from occ.task import Limits, Task
+from occ.task import Claim, Limits, Solution, Task
 from occ.trajectory import PiecewisePolynomial
 from tests.tasks import paper_task
 
@@ -139,7 +144,7 @@ BOTH = [
 @pytest.mark.parametrize(("name", "formulation"), BOTH)
 def test_bounds_are_those_of_the_replayed_motion(name: str, formulation: str) -> None:
     task = dataclasses.replace(paper_task(5.0, limits=EVERYTHING), motion=MOTIONS[name])
-    player = Collocation(objective="torque_squared", tolerance=1e-5, formulation=formulation)  # type: ignore[arg-type]
+    player = Collocation(objective="torque_squared", tolerance=1e-5, formulation=formulation)
     quantities, _, seen = proof_of(task, player)
     found = proven(quantities)
     # Independent of the proof: the referee's integrator, at sixty times in each interval.
@@ -156,6 +161,76 @@ def test_a_knot_of_the_program_belongs_on_an_edge() -> None:
         signal = PiecewisePolynomial(np.array(edges), np.array([0.2, 0.8]), np.zeros((2, 3, 2)))
         found = proven(on_path(formulation, path_control(task, signal), np.zeros(2)))
         np.testing.assert_array_equal(np.isfinite(found.largest).all(axis=0), smooth)
+
+
+PEAK = {"objective": "peak_torque", "tolerance": 1e-4, "intervals": 8}
+
+
+def first_attempt(task: Task, keys: dict[str, Any]) -> tuple[Search, Attempt]:
+    player = Collocation(**(PEAK | keys))
+    formulation = player.posed(task)
+    assert formulation is not None
+    search = Search(formulation, player.method)
+    guess = partial(formulation.guess, rotation=starts_of(task, 1, None)[0].rotation)
+    attempt = search.attempt(Grid(edges=player.first_mesh(task), degree=player.degree), guess)
+    assert attempt.outcome.status is Status.OK, attempt.outcome.message
+    return search, attempt
+
+
+def torques_of(search: Search, attempt: Attempt) -> np.ndarray:
+    """(n, N) [N m] Largest torques of the referee's replay, at sixty times in each interval."""
+    formulation, task = search.formulation, search.formulation.task
+    control = formulation.control(attempt.transcription, attempt.edges, attempt.outcome.nodes)
+    claim = Claim(keep=formulation.settings.keep, radius=formulation.settings.radius)
+    start = formulation.start_state(attempt.outcome.nodes)
+    replay = examine(task, Solution(control=control, start_state=start, claim=claim)).replay
+    assert replay is not None
+    s = np.linspace(1e-9, 1.0 - 1e-9, 61)
+    times = attempt.edges[:-1, None] + np.diff(attempt.edges)[:, None] * s
+    return np.abs(replay.sample(times.ravel()).torque.reshape(-1, *times.shape)).max(axis=2)
+
+
+class TestLargestTorque:
+    """That no torque passes the claimed m between the nodes, where m is the cost."""
+
+    @pytest.mark.parametrize(
+        "keys", [{}, {"formulation": "full"}, {"keep": "tube", "radius": 0.02}], ids=["reduced", "full", "tube"]
+    )
+    def test_bounds_are_those_of_the_replayed_motion(self, keys: dict[str, Any]) -> None:
+        search, attempt = first_attempt(paper_task(3.0), keys)
+        claimed = attempt.outcome.nodes.edges[-1, -1]
+        found = with_proof(search.formulation, attempt).arcs
+        assert found is not None
+        assert found.claimed == claimed
+        seen = torques_of(search, attempt)
+        # Independent of the proof: the referee's integrator.
+        bounds = found.largest[found.hard :] * claimed
+        assert np.all(bounds >= seen - 1e-9)
+        assert np.all(bounds <= seen + 1e-3)
+        assert bounds.max() > claimed * (1 + 1e-4)
+        assert f"to pass the claimed {claimed:.6g} N m by at most" in found.words
+
+    def test_beside_a_limit_of_the_torque_each_has_its_own_unit(self) -> None:
+        # One limit that is slack, and one that is what the wheels would need anyway.
+        for limit in (1.5, 0.9):
+            search, attempt = first_attempt(paper_task(3.0, limits=Limits(torque=limit, wheel_speed=9.0)), {})
+            found = with_proof(search.formulation, attempt).arcs
+            assert found is not None
+            assert found.proven == ("torque", "wheel_speed")
+            soft = found.largest[found.hard :] * found.claimed
+            np.testing.assert_allclose(found.largest[:4] * limit, soft, rtol=1e-9)
+            assert np.all(soft >= torques_of(search, attempt) - 1e-9)
+
+    def test_a_torque_that_only_the_proof_sees_is_not_accepted(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("occ.optimal.between.largest_values", lambda sample, first: 0.5 * np.abs(first).max(axis=2))
+        search, attempt = first_attempt(paper_task(3.0), {})
+        claimed = attempt.outcome.nodes.edges[-1, -1]
+        assert torques_of(search, attempt).max() > claimed * (1 + 5e-4)
+        found, reason = search.run(attempt)
+        assert not reason
+        claimed = found.outcome.nodes.edges[-1, -1]
+        assert torques_of(search, found).max() <= claimed * (1 + 1e-4)
+        assert found.largest_excess <= 1e-4
 
 
 class TestRows:
@@ -185,5 +260,5 @@ class TestRows:
         player = Collocation(objective="torque_squared", intervals=6, degree=4, tolerance=3e-3)
         solution = player.solve(task)
         assert solution.status is Status.OK, solution.message
-        quantities = on_path(player.posed(task), solution.control, solution.start_state[[2, 5]])  # type: ignore[arg-type,index]
+        quantities = on_path(player.posed(task), solution.control, solution.start_state[[2, 5]])
         assert proven(quantities).largest.max() <= 1 + 3e-7

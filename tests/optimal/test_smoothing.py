@@ -71,7 +71,8 @@ def test_starts_that_meet_with_more_of_the_loss_are_solved_once_from_there_on() 
     one = Collocation(objective="bus_work", tolerance=1e-4).solve(task)
     assert solution.status is Status.OK, solution.message
     (minimum,) = solution.statistics["minima"]
-    assert len(minimum["starts"]) == 3
-    # Two more solves, and not two more on each of the three levels.
-    assert len(solution.statistics["rounds"]) == len(one.statistics["rounds"]) + 2
+    # Each on its own, and by way of the powers with their signs.
+    assert len(minimum["starts"]) == 6
+    # Two more solves of both kinds, and not on each of the levels that follow.
+    assert len(solution.statistics["rounds"]) == len(one.statistics["rounds"]) + 4
     assert solution.statistics["claimed_cost"] == pytest.approx(one.statistics["claimed_cost"], rel=1e-9)
