@@ -28,9 +28,11 @@ if TYPE_CHECKING:
     from occ.motion import Ellipse as Ellipse
     from occ.motion import FigureEight as FigureEight
     from occ.motion import Line as Line
+    from occ.motion import ProgramMotion as ProgramMotion
     from occ.motion import RestToRestLine as RestToRestLine
     from occ.motion import SplineMotion as SplineMotion
     from occ.optimal.collocation import Collocation as Collocation
+    from occ.optimal.cost import Weights as Weights
     from occ.referee import Record as Record
     from occ.referee import judge as judge
     from occ.task import Claim as Claim
@@ -49,8 +51,9 @@ _HOMES = {
     "occ.model.dynamics": ("Dynamics", "dynamics"),
     "occ.model.platform": ("Platform", "Wheel"),
     "occ.model.presets": ("omni3", "youbot"),
-    "occ.motion": ("Circle", "Ellipse", "FigureEight", "Line", "RestToRestLine", "SplineMotion"),
+    "occ.motion": ("Circle", "Ellipse", "FigureEight", "Line", "ProgramMotion", "RestToRestLine", "SplineMotion"),
     "occ.optimal.collocation": ("Collocation",),
+    "occ.optimal.cost": ("Weights",),
     "occ.referee": ("Record", "judge"),
     "occ.task": ("Claim", "Limits", "Solution", "Start", "Task"),
     "occ.trajectory": ("Trajectory",),

@@ -47,7 +47,12 @@ Dask = Annotated[
 ]
 TimeLimit = Annotated[
     float | None,
-    typer.Option("--time-limit", metavar="SECONDS", help="A case that takes longer is given up and becomes a row."),
+    typer.Option(
+        "--time-limit",
+        metavar="SECONDS",
+        help="A case that takes longer is ended, and each of its controllers is tried alone for as long; those that "
+        "take longer are rows.  Without it a hang is waited for.",
+    ),
 ]
 MemoryLimit = Annotated[
     float | None, typer.Option("--memory-limit", metavar="GB", help="Address space of the process of one case.")
@@ -350,29 +355,23 @@ def _show(folder: Path) -> None:
 
 
 def _print_table(table: Table) -> None:
-    if sys.stdout.isatty():
-        from rich.console import Console
-        from rich.measure import Measurement
+    from occ.report.tables import parts, plain_lines, terminal
 
-        from occ.report.tables import terminal
+    if not sys.stdout.isatty() or os.environ.get("TERM") == "dumb":
+        typer.echo("\n".join(plain_lines(table)))
+        return
+    from rich.console import Console
+    from rich.measure import Measurement
 
-        console, shown = Console(), terminal(table)
-        if not FOLDED & {column.heading for column in table.columns}:
-            # A narrow terminal folds the lines of numbers; squeezed columns would hide some of them.
+    console = Console()
+    folded = FOLDED & {column.heading for column in table.columns}
+    for part in [table] if folded else parts(table, console.width):
+        shown = terminal(part)
+        if not folded:
+            # Squeezed columns would hide some of the numbers.
             unfolded = console.options.update(max_width=WIDEST)
             console.width = max(console.width, Measurement.get(console, unfolded, shown).maximum)
         console.print(shown)
-        return
-    heads = [f"{column.heading} [{column.unit}]" if column.unit else column.heading for column in table.columns]
-    lines = [heads, *table.rows]
-    widths = [max(len(line[i]) for line in lines) for i in range(len(heads))]
-    typer.echo(table.caption)
-    for line in lines:
-        cells = [
-            cell.rjust(width) if column.numeric else cell.ljust(width)
-            for cell, width, column in zip(line, widths, table.columns, strict=True)
-        ]
-        typer.echo("  ".join(cells).rstrip())
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from occ.errors import BoundViolation, ExportError, InputError
+from occ.errors import InputError, OccError
 
 ASSIGNMENT = re.compile(r"""[\w."' +-]+=""")
 """How a further ``KEY=VALUE`` after `--set` begins; a key has no slash, as a path may have."""
@@ -24,13 +24,18 @@ class Commands(TyperGroup):
         try:
             return super().invoke(ctx)
         except InputError as error:
-            message, code = str(error), 2
-        except (BoundViolation, ExportError) as error:
+            # What the engine says of itself is an option of the command line.
+            message, code = re.sub(r"^Engine: (\w+)", _option, str(error)), 2
+        except OccError as error:
             message, code = str(error), 1
         except KeyboardInterrupt:
             message, code = "interrupted; finished cases are stored and will not be solved again", 130
         typer.echo(message, err=True)
         raise typer.Exit(code)
+
+
+def _option(found: re.Match[str]) -> str:
+    return "--" + found[1].replace("_", "-")
 
 
 class ExperimentCommand(TyperCommand):

@@ -41,5 +41,5 @@ _ADVICE = {
     Status.INFEASIBLE: "raise the limit that the message names, or choose a controller that can respect it",
     Status.FAILED: "loosen the tolerance, refine the mesh, or start from another initial guess",
     Status.UNSTABLE: "shorten the horizon or choose another motion: the state grew beyond any physical value",
-    Status.CRASHED: "report the message: the controller raised an error of its own",
+    Status.CRASHED: "report the message: the controller raised an error of its own, or its process was lost",
 }

@@ -47,10 +47,13 @@ class Often:
         return self._library
 
     def used(self, times: int) -> ctypes.CDLL | None:
-        """The library as soon as there is one.
+        """Count some uses, and compile when there have been enough.
 
         Args:
             times: that the function has been evaluated, or is going to be.
+
+        Returns:
+            The library as soon as there is one.
         """
         if self._waits:
             self._used += float(times) * self._cost

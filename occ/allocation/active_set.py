@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from occ.allocation.input_map import PARALLEL
 from occ.allocation.least_norm import least_norm
 
 STATIONARY = 1e-13
@@ -73,6 +74,8 @@ def least_powers(powers: Powers, null: np.ndarray, start: np.ndarray, slack: flo
 
     Source: Fletcher, Practical Methods of Optimization, 10.3 (active sets), 14 (corners of composite functions).
     """
+    # What rounding leaves of the share of a wheel that no null torque moves would push and never move anything.
+    null = np.where(np.abs(null).max(axis=1, keepdims=True) > PARALLEL, null, 0.0)
     size = float(np.abs(start).max()) + 1e-6
     rng = np.random.default_rng(0)
     for near, part in product((1e-3 * slack, slack), WIDER):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
+from functools import lru_cache
 from itertools import combinations
 
 import casadi as ca
 import numpy as np
 
 from occ.errors import InputError
-from occ.model.coefficients import coefficients, unpack
+from occ.model.coefficients import PLATFORMS, coefficients, unpack
 from occ.model.platform import Platform
 
 PARALLEL = 1e-12
@@ -83,7 +83,7 @@ def input_map(wheel_rates: np.ndarray) -> InputMap:
     return InputMap(rates, rates @ np.linalg.inv(rates.T @ rates), null, _facets(rates))
 
 
-@cache
+@lru_cache(maxsize=PLATFORMS)
 def platform_input_map(platform: Platform) -> InputMap:
     """The input map of a platform."""
     k = unpack(ca.DM(coefficients(platform)), platform.wheel_count)
@@ -100,6 +100,8 @@ def _facets(rates: np.ndarray) -> np.ndarray:
         _, (_, least), normals = np.linalg.svd(units[[i, j]])
         y = scaled @ normals[2]
         y[[i, j]] = 0.0
+        # A wheel parallel to one of the two is loaded by rounding only, and its torque may be without a limit.
+        y[np.abs(y) <= PARALLEL * np.abs(y).sum()] = 0.0
         if least > PARALLEL and np.abs(y).sum() > PARALLEL:
             rows.append(y / np.abs(y).sum())
     return np.array(rows)

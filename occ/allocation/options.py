@@ -40,7 +40,7 @@ class WithinLimits(ABC):
         check_fields(self)
 
     @abstractmethod
-    def criterion(self, task: Task) -> Criterion:
+    def criterion(self) -> Criterion:
         """What is least."""
 
     def check(self, task: Task) -> None:
@@ -50,7 +50,7 @@ class WithinLimits(ABC):
             InputError: what is wrong and what would be right.
         """
         try:
-            self.criterion(task).check(task.platform.wheel_count)
+            self.criterion().check(task.platform.wheel_count)
         except InputError as error:
             raise InputError(f"allocation.{error}") from error
 
@@ -66,7 +66,7 @@ class WithinLimits(ABC):
         Returns:
             The control with allocated torques, or why there is none.
         """
-        criterion = self.criterion(task)
+        criterion = self.criterion()
         if criterion is LEAST_NORM and not limits_torque(task.limits):
             return Realised(control)
         platform = task.platform
@@ -98,7 +98,7 @@ class MinNorm(WithinLimits):
                 "should be with another kind such as box_qp"
             )
 
-    def criterion(self, task: Task) -> Criterion:
+    def criterion(self) -> Criterion:
         return LEAST_NORM
 
     def realise(self, task: Task, control: Control, states: States, t: np.ndarray) -> Realised:
@@ -116,7 +116,7 @@ class BoxQp(WithinLimits):
 
     kind: ClassVar[str] = "box_qp"
 
-    def criterion(self, task: Task) -> Criterion:
+    def criterion(self) -> Criterion:
         return LEAST_NORM
 
 
@@ -132,7 +132,7 @@ class Weighted(WithinLimits):
     kind: ClassVar[str] = "weighted"
     weights: Annotated[tuple[Positive, ...], MinLen(3)]
 
-    def criterion(self, task: Task) -> Criterion:
+    def criterion(self) -> Criterion:
         return WeightedNorm(self.weights)
 
 
@@ -146,7 +146,7 @@ class MinMax(WithinLimits):
 
     kind: ClassVar[str] = "min_max"
 
-    def criterion(self, task: Task) -> Criterion:
+    def criterion(self) -> Criterion:
         return LargestTorque()
 
 
@@ -162,7 +162,7 @@ class Copper(WithinLimits):
     kind: ClassVar[str] = "copper"
     losses: Annotated[tuple[Positive, ...], MinLen(3)] | None = None
 
-    def criterion(self, task: Task) -> Criterion:
+    def criterion(self) -> Criterion:
         return LEAST_NORM if self.losses is None else WeightedNorm(self.losses)
 
     def check(self, task: Task) -> None:
@@ -184,7 +184,7 @@ class Electric(WithinLimits):
     kind: ClassVar[str] = "electric"
     loss: Positive = COPPER_LOSS
 
-    def criterion(self, task: Task) -> Criterion:
+    def criterion(self) -> Criterion:
         return ElectricPower(self.loss)
 
 

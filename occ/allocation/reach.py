@@ -13,7 +13,7 @@ from occ.allocation.ranges import TorqueRange
 REACH = 1e-9
 """A wrench counts as reachable if the limits lack less than this part of its largest minimum-norm torque."""
 MOST_CORNERS = 12
-"""Wheels of which all combinations of limits are tried for a drawing."""
+"""Wheels of which all combinations of limits are tried for a drawing; of more there are too many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,12 +97,18 @@ def tolerance(torque: np.ndarray) -> np.ndarray:
 
 
 def corners(wheels: InputMap, ranges: TorqueRange, sample: int = 0) -> np.ndarray:
-    """(3, K) The corners of the zonotope at one sample, in no order, for a drawing.
+    """The corners of the zonotope at one sample, for a drawing.
 
     Args:
-        wheels: at most 12 of them.
+        wheels: at most `MOST_CORNERS` of them.
         ranges: of the wheels.
         sample: which one.
+
+    Returns:
+        (3, K) [N, N, N m], in no order.
+
+    Raises:
+        ValueError: more wheels.
     """
     from scipy.spatial import ConvexHull
 

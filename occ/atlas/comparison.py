@@ -8,11 +8,11 @@ from typing import Any
 
 from occ.atlas.variables import Variable
 from occ.errors import Status
-from occ.experiment.bounds import bound_columns, local_bounds
-from occ.experiment.case import Case
-from occ.experiment.proven import proven_bounds
+from occ.experiment.case import Alone, Case
+from occ.experiment.child import Lost
+from occ.experiment.proven import with_bounds
 from occ.experiment.results import Row
-from occ.experiment.run import lost_rows, solve_row
+from occ.experiment.run import lost_row, solve_row
 from occ.objectives import OBJECTIVES
 from occ.referee import MEASURES
 from occ.task import Task
@@ -62,17 +62,39 @@ def compare(item: Comparison) -> list[Row]:
     return _bounded(item, rows, task)
 
 
-def lost_comparison(item: Comparison, reason: str) -> list[Row]:
-    """The rows of a comparison that has no answer."""
-    return _bounded(item, lost_rows(item.case, reason))
+def alone(item: Alone) -> Row:
+    """Solve and judge one controller of a case.
+
+    Args:
+        item: plain data.
+
+    Returns:
+        Its row without bounds, for `joined`.
+    """
+    task, players = item.case.posed()
+    return solve_row(item.case, task, item.controller, players[item.controller], with_motion=False)[0]
+
+
+def joined(item: Comparison, outcomes: Sequence[Row | Lost]) -> list[Row]:
+    """A comparison whose controllers were solved one by one.
+
+    Args:
+        item: plain data.
+        outcomes: of `alone`, for each controller in the order of the file.
+
+    Returns:
+        Rows as of `compare`; ``crashed`` where there is no answer.
+
+    Raises:
+        BoundViolation: as in `compare`.
+    """
+    named = zip(item.case.controllers, outcomes, strict=True)
+    return _bounded(item, [lost_row(name, row.reason) if isinstance(row, Lost) else row for name, row in named])
 
 
 def _bounded(item: Comparison, rows: Sequence[Row], task: Task | None = None) -> list[Row]:
     own = [{"case": item.case.name} | dict(row) for row in rows]
-    for name in item.objectives:
-        bounds = [*proven_bounds(item.case, own, name, task=task), *local_bounds(own, name)]
-        for row in own:
-            row |= bound_columns(row, name, bounds)
+    own = with_bounds(item.case, own, item.objectives, task=task)
     kept = ("controller", "status", "message", *numbers(item.objectives))
     return [{name: row.get(name) for name in kept} for row in own]
 

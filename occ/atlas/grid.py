@@ -6,6 +6,7 @@ others (the platform's numbers, or whole tables) is built as one case.
 
 from __future__ import annotations
 
+import copy
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,7 +18,7 @@ import numpy as np
 
 from occ.atlas.points import Points
 from occ.errors import InputError
-from occ.experiment.load import Experiment, load_axes
+from occ.experiment.load import Experiment, assign, load_axes
 from occ.experiment.naming import compact
 from occ.experiment.schema import AtlasTable, ExperimentFile
 from occ.motion import Circle
@@ -171,10 +172,6 @@ def load_grid(path: Path, overrides: Sequence[str] = ()) -> Grid:
 
 def _file(tables: Mapping[str, Any], swept: Mapping[str, Any]) -> ExperimentFile:
     """The tables of the first case with other values."""
-    import copy
-
-    from occ.experiment.load import assign
-
     data = copy.deepcopy(dict(tables))
     for key, value in swept.items():
         assign(data, key, copy.deepcopy(value))

@@ -9,13 +9,14 @@ from occ.atlas.points import Points
 from occ.errors import InputError
 from occ.theory.coefficients import YawCoefficients
 from occ.theory.dissipation import CircleEnergy, circle_energy
+from occ.theory.extremals import NoExtremal
 from occ.theory.minimum_work import least_work_free_end
 
 TOLERANCE = 1e-12
 """Of the law's motions, relative and absolute, in the mean over the points of a block."""
 
 
-def law_work(c: YawCoefficients, points: Points) -> np.ndarray:
+def law_work(c: YawCoefficients, points: Points) -> tuple[np.ndarray, list[tuple[int, str]]]:
     """W = T(end) - T(start) + int D dt along the law's motion, eq. (4.3), all points in one integration.
 
     Args:
@@ -23,12 +24,12 @@ def law_work(c: YawCoefficients, points: Points) -> np.ndarray:
         points: any number of circles.
 
     Returns:
-        (N,) [J]; NaN where the motion leaves every physical range.
+        (N,) [J], NaN where a motion cannot be followed to its end, and number and reason of those points.
     """
-    ((angle, omega, dissipated),) = law_motion(c, points, points.duration, (1.0,), TOLERANCE)
+    ((angle, omega, dissipated),), reasons = law_motion(c, points, points.duration, (1.0,), TOLERANCE)
     energy = circle_energy(c, points.radius, points.rate)
     first = energy.kinetic_energy(points.psi_tilde, points.heading_rate)
-    return np.asarray(energy.kinetic_energy(angle, omega) - first + dissipated)
+    return np.asarray(energy.kinetic_energy(angle, omega) - first + dissipated), reasons
 
 
 def least_work_columns(points: Points) -> tuple[dict[str, np.ndarray], list[tuple[int, str]]]:
@@ -41,8 +42,7 @@ def least_work_columns(points: Points) -> tuple[dict[str, np.ndarray], list[tupl
         (N,) each, and number and reason of the points without a value.
     """
     c = points.coefficients
-    law = law_work(c, points)
-    reasons = [(int(i), "the law's yaw rate leaves every physical range") for i in np.flatnonzero(np.isnan(law))]
+    law, reasons = law_work(c, points)
     energy = circle_energy(c, points.radius, points.rate)
     least = np.full(len(points), np.nan)
     for i, (angle, yaw_rate, duration) in enumerate(
@@ -52,7 +52,7 @@ def least_work_columns(points: Points) -> tuple[dict[str, np.ndarray], list[tupl
         first = float(one.kinetic_energy(angle, yaw_rate))
         try:
             least[i] = least_work_free_end(one, float(angle), first, float(duration)).work
-        except InputError as error:
+        except (InputError, NoExtremal) as error:
             reasons.append((i, str(error)))
     with np.errstate(divide="ignore", invalid="ignore"):
         gap = 100 * (law - least) / np.abs(least)

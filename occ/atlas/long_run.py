@@ -8,12 +8,12 @@ import numpy as np
 
 from occ.atlas.motion import keeps_rotating
 from occ.atlas.points import Points
-from occ.atlas.variables import CRITICAL, ROTATIONAL, STEADY, UNSTABLE, place
+from occ.atlas.variables import CRITICAL, MISSING, ROTATIONAL, STEADY, UNSTABLE, place
 from occ.model.coefficients import coefficient_function
 from occ.model.constraint import path_functions
 from occ.numeric import on_arrays
 from occ.theory.asymptotics import asymptotic_period
-from occ.theory.circle import CircleQuantities, circle_quantities
+from occ.theory.circle import CircleQuantities, circle_quantities, side_of_critical
 from occ.theory.coefficients import YawCoefficients
 from occ.theory.dissipation import circle_energy
 from occ.theory.equation import ScaledEquation
@@ -24,30 +24,31 @@ from occ.theory.stability import eigenvalues
 Columns = dict[str, np.ndarray]
 
 
-def long_run_columns(points: Points) -> Columns:
+def long_run_columns(points: Points) -> tuple[Columns, list[tuple[int, str]]]:
     """Every variable of `occ.atlas.variables.LONG_RUN` at each point.
 
     Args:
         points: any number of circles.
 
     Returns:
-        (N,) each; texts as places.
+        (N,) each, texts as places, and number and reason of the points whose law has no value.
     """
     c, radius, rate = points.coefficients, points.radius, points.rate
-    q = circle_quantities(c, radius, rate)
+    q, side = _quantities(c, radius, rate)
     energy = circle_energy(c, radius, rate)
     with np.errstate(invalid="ignore"):  # where there is no steady rotation
         roots = eigenvalues(q.stable_damping, q.stiffness)
     leading = np.take_along_axis(roots, np.argmax(roots.real, axis=0)[None], axis=0)[0]
-    regime = np.where(radius < q.critical_radius, place(ROTATIONAL), place(STEADY))
-    regime[radius == q.critical_radius] = place(CRITICAL)
+    regime = np.array([place(CRITICAL), place(STEADY), place(ROTATIONAL)])[side]
     with np.errstate(invalid="ignore"):
         law_regime = np.where((regime == place(STEADY)) & ~(q.stable_damping > 0), place(UNSTABLE), regime)
     eq = ScaledEquation(rate, np.sign(rate) * q.epsilon, q.radius_ratio, q.k, q.alpha, q.beta - q.alpha)
     candidates = np.flatnonzero(law_regime == place(STEADY))
-    rotates = keeps_rotating(c.of(candidates), eq.of(candidates), points.of(candidates))
+    rotates, unknown = keeps_rotating(c.of(candidates), eq.of(candidates), points.of(candidates))
     law_regime[candidates[rotates]] = place(ROTATIONAL)
-    settled = law_regime != place(UNSTABLE)
+    reasons = [(int(candidates[i]), reason) for i, reason in unknown]
+    law_regime[[i for i, _ in reasons]] = place(MISSING)
+    settled = (law_regime != place(UNSTABLE)) & (law_regime != place(MISSING))
     power = np.where(settled, energy.dissipation(q.stable_heading, rate), np.nan)
     turning = np.flatnonzero(law_regime == place(ROTATIONAL))
     period, mean_yaw_rate = np.full(len(points), np.nan), np.where(settled, rate, np.nan)
@@ -61,7 +62,7 @@ def long_run_columns(points: Points) -> Columns:
     best = long_run(energy)
     with np.errstate(divide="ignore", invalid="ignore"):
         gap = 100 * (power - best.mean_power) / best.mean_power
-    return {
+    columns = {
         "critical_radius_m": q.critical_radius,
         "critical_speed_m_s": q.critical_speed,
         "alpha_rad": q.alpha,
@@ -85,6 +86,18 @@ def long_run_columns(points: Points) -> Columns:
         "long_run_gap_percent": gap,
         "platform_speed_m_s": radius * np.abs(rate),
     }
+    return columns, reasons
+
+
+def _quantities(c: YawCoefficients, radius: np.ndarray, rate: np.ndarray) -> tuple[CircleQuantities, np.ndarray]:
+    """The quantities of circles and their sides of the critical radius (N,); the roots there are those at R~_B."""
+    q = circle_quantities(c, radius, rate)
+    side = side_of_critical(q.radius_ratio)
+    if np.all(side):
+        return q, side
+    # Rounding must not take the one root away.
+    roots = circle_quantities(c, np.where(side == 0, q.critical_radius, radius), rate)
+    return roots._replace(radius_ratio=q.radius_ratio, k=q.k), side
 
 
 def _switch_radius(points: Points, c: YawCoefficients) -> np.ndarray:

@@ -14,14 +14,14 @@ from typing import Any
 import numpy as np
 
 from occ.atlas.columns import Columns
-from occ.atlas.comparison import STATUSES, Comparison, compare, lost_comparison, numbers, status_place
+from occ.atlas.comparison import STATUSES, Comparison, alone, compare, joined, numbers, status_place
 from occ.atlas.grid import Grid
 from occ.atlas.least_work import least_work_columns
 from occ.atlas.long_run import long_run_columns
 from occ.atlas.points import Points
 from occ.atlas.variables import LEAST_WORK, LONG_RUN
 from occ.errors import InputError, Status
-from occ.experiment.case import code_fingerprint
+from occ.experiment.case import Alone, code_fingerprint
 from occ.experiment.child import Lost
 from occ.experiment.journal import Journal
 from occ.experiment.load import load_experiment
@@ -102,41 +102,47 @@ def make_atlas(path: Path, grid: Grid, out: Path, engine: Engine, progress: Prog
             else:
                 progress("stored", work.rows(job), 0, True)
         items = (work.item(work.jobs[number]) for number in missing)
-        with closing(engine.each(solve, items)) as finished:
+        doing = engine.each_or_parts(solve, items, lambda position: work.apart(work.jobs[missing[position]]))
+        with closing(doing) as finished:
             for position, outcome in finished:
                 number = missing[position]
                 job = work.jobs[number]
-                if isinstance(outcome, Lost):
+                content = outcome if isinstance(outcome, bytes) else replaced(work.item(job), outcome)
+                if any(isinstance(part, Lost) for part in (outcome if isinstance(outcome, list) else [outcome])):
                     # Nothing of this is stored: another run tries again.
-                    content = lost[number] = given_up(work.item(job), outcome.reason)
+                    lost[number] = content
                 else:
-                    content = outcome
                     journal.write(job.key, content)
                 failed = len(work.failures(job, content))
                 progress(work.name(job), work.rows(job), failed)
         return work.assembled(lambda number: lost.get(number) or journal.read(work.jobs[number].key))
 
 
-def solve(item: Block | Comparison) -> bytes:
-    """The result of one block or comparison, as it is stored."""
+def solve(item: Block | Comparison | Alone) -> bytes:
+    """The result of one block or comparison, as it is stored; or the row of one controller."""
     if isinstance(item, Comparison):
         return json.dumps(compare(item)).encode()
-    columns = long_run_columns(item.points)
-    reasons: list[tuple[int, str]] = []
+    if isinstance(item, Alone):
+        return json.dumps(alone(item)).encode()
+    columns, reasons = long_run_columns(item.points)
     if item.least_work:
-        more, reasons = least_work_columns(item.points)
+        more, others = least_work_columns(item.points)
         columns |= more
+        reasons += others
     return _packed(columns, reasons)
 
 
-def given_up(item: Block | Comparison, reason: str) -> bytes:
-    """What stands for a block or comparison without an answer."""
+def replaced(item: Block | Comparison, outcome: Lost | list[bytes | Lost]) -> bytes:
+    """What stands for a block without an answer, or for a comparison of which there are parts at most."""
     if isinstance(item, Comparison):
-        return json.dumps(lost_comparison(item, reason)).encode()
+        parts = [outcome] * len(item.case.controllers) if isinstance(outcome, Lost) else outcome
+        rows = [part if isinstance(part, Lost) else json.loads(part) for part in parts]
+        return json.dumps(joined(item, rows)).encode()
+    assert isinstance(outcome, Lost)
     names = {**LONG_RUN, **(LEAST_WORK if item.least_work else {})}
     count = len(item.points)
     columns = {name: np.zeros(count, np.int8) if v.text else np.full(count, np.nan) for name, v in names.items()}
-    return _packed(columns, [(i, reason) for i in range(count)])
+    return _packed(columns, [(i, outcome.reason) for i in range(count)])
 
 
 def _packed(columns: dict[str, np.ndarray], reasons: list[tuple[int, str]]) -> bytes:
@@ -173,6 +179,9 @@ class _Work:
         if job.last is None:
             return Comparison(self.cases[job.first], self.objectives)
         return Block(self.grid.points(job.first, job.last), self.depth == "least_work")
+
+    def apart(self, job: _Job) -> list[Alone]:
+        return self.cases[job.first].apart if job.last is None else []
 
     def rows(self, job: _Job) -> int:
         if job.last is None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-STEADY, CRITICAL, ROTATIONAL, UNSTABLE = "steady", "critical", "rotational", "unstable"
-REGIMES = ("", STEADY, CRITICAL, ROTATIONAL, UNSTABLE)
+MISSING, STEADY, CRITICAL, ROTATIONAL, UNSTABLE = "", "steady", "critical", "rotational", "unstable"
+REGIMES = (MISSING, STEADY, CRITICAL, ROTATIONAL, UNSTABLE)
 """Texts are kept as their places in this list."""
 
 

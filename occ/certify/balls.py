@@ -138,10 +138,6 @@ class EnclosedTask:
         """phi(x) = 2 Z omega_B (x - psi~(0)) + 2 G(x) - 2 G(psi~(0)) + T_min(x) [J]."""
         return 2 * self.friction * self.rate * (x - self.start) + self.of_end(x) - self.swing(self.start)
 
-    def end_cost_on(self, box: Ball) -> Ball:
-        """The same on a real box, by the mean value form."""
-        return 2 * self.friction * self.rate * (box - self.start) + self.of_end.on(box) - self.swing(self.start)
-
     @property
     def of_end(self) -> Polynomial:
         """2 G + T_min [J]."""

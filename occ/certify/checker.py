@@ -1,5 +1,7 @@
 """The checker: whether data prove a lower bound.  Nothing else in this package may call a bound certified.
 
+Each function below that examines a part of a proof raises `Refused` where a step of it fails.
+
 What is checked is always the same.  If a function V satisfies along every motion of a family
 
     L + dV/dt >= 0    (Bellman's inequality, L the cost per second),

@@ -28,6 +28,8 @@ from occ.certify.squares import BITS, SquaresCertificate, escalate
 from occ.task import Task
 
 DEGREES = tuple(Degree(0, angle) for angle in (2, 4, 8, 12, 16, 24, 32))
+EFFORT = 2_000_000
+"""Of the programs of one cost together: all degrees are tried unless some need several margins."""
 POINTS = 256
 """Angles at which a cycle's mean is summed up."""
 WAVES = 16
@@ -69,13 +71,13 @@ class EndlessBound:
         return f"{self.certificate} ({'turning' if self.cycle.turns else 'steady rotation'})"
 
 
-def certify_endless(task: Task, cost: Cost, *, budget: float = 20.0) -> EndlessBound:
+def certify_endless(task: Task, cost: Cost, *, effort: int = EFFORT) -> EndlessBound:
     """The least mean of a cost for ever, enclosed.
 
     Args:
         task: on a circle; its start and horizon do not matter.
         cost: work (mean power [W]), squares of the torques [N^2 m^2] or electric energy [W].
-        budget: [s] of processor time after which no further degree is begun.
+        effort: as in `occ.certify.squares`, beyond which no further degree is begun.
 
     Returns:
         A certified bound and a motion that comes close to it.
@@ -86,7 +88,7 @@ def certify_endless(task: Task, cost: Cost, *, budget: float = 20.0) -> EndlessB
     with flint.ctx.workprec(BITS):
         problem = inequality(task, cost, for_ever=True)
         cycle = best_cycle(problem)
-        found = escalate(problem, DEGREES, cycle.mean, budget)
+        found = escalate(problem, DEGREES, cycle.mean, effort)
         return EndlessBound(_in_one_angle(task, found) if cost == "work" else found, cycle)
 
 

@@ -208,7 +208,7 @@ class Lengths:
         turn = 2 * arb.pi()
         self.turns = 0 if end is None else math.floor(float((end - task.start) / turn))
         ahead = arb(0) if end is None else end - task.start - turn * self.turns
-        between = 0 if end is None else max(1, round(count * float(ahead) / 6.283185307179586))
+        between = 0 if end is None else max(1, round(count * float(ahead) / math.tau))
         beyond = max(count - between, 1)
         self.edges = [task.start + ahead * k / between for k in range(between)]
         self.edges += [task.start + ahead + (turn - ahead) * k / beyond for k in range(beyond + 1)]

@@ -8,7 +8,6 @@ motions that go that far pay for the way, and for the others the level may rise.
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -55,15 +54,15 @@ class _Node:
 def search(
     problem: OneAngle,
     target: float,
-    deadline: float,
+    most: int,
     curve: tuple[CurveProof, tuple[Place, Place]] | None = None,
 ) -> Tree:
-    """Divide families until all bounds reach the target, or the time is over.
+    """Divide families until all bounds reach the target, or so many have been looked at.
 
     Args:
         problem: to be bounded.
         target: [J] without what is paid in any case.
-        deadline: [s] of `time.process_time`.
+        most: families of motions, the same on every machine.
         curve: V for the motions that stay in a window, and its edges.
 
     Returns:
@@ -81,14 +80,16 @@ def search(
         roots = [beyond, outside]
     hints = _Hints(problem)
     active = [node for one in roots for node in _by_ends(problem, one, target, hints)]
-    while active and time.process_time() <= deadline:
+    left = most
+    while active and left > 0:
         following: list[_Node] = []
         for node, hint in zip(active, hints.of([node.family for node in active]), strict=True):
             if curve and hint.free < target:
                 raise Refused("a motion that leaves the window is as good")
             node.level = hint.level
-            bound = at_level(problem, node.family, Level(node.level))
-            if bound < target and time.process_time() <= deadline:
+            left -= 1
+            bound = at_level(problem, node.family, Level(node.level)) if left >= 0 else target
+            if bound < target:
                 cut = hints.cut(node.family, hint, bound)
                 following += node.divide(*cut) if cut else ()
         active = [node for node in following if _is_possible(node.family)]
@@ -175,7 +176,7 @@ class _Hints:
         rows = []
         for family in families:
             first, last = max(family.first, family.left), min(family.last, family.right)
-            end = (first + last) / 2 if self.problem.end is None else self._end(first, last)
+            end = (first + last) / 2 if self.problem.end is None else self._end(first)
             left, right = family.near_left, family.near_right
             reach = min(left, end), max(right, end)
             outer = self.low(family.left, family.right)[0], self.low(*reach)[0]
@@ -196,7 +197,7 @@ class _Hints:
             for k, reach in enumerate(zip(*reaches, strict=True))
         ]
 
-    def _end(self, first: Place, last: Place) -> Place:
+    def _end(self, first: Place) -> Place:
         repeat = self.problem.repeat
         assert self.problem.end is not None
         return float(repeat * math.ceil(first / repeat)) if repeat else self.problem.end

@@ -1,8 +1,8 @@
 """Certified lower bounds by sums of squares: work, squares of the torques and electric energy on a circle.
 
-The degree of V escalates within a budget of time, and the strict margin that is asked of the solver where the check
-refuses; the largest bound that the check has passed counts.  What is left between it and the best motion known is
-*unresolved*.
+The degree of V escalates within an effort that is counted by the sizes of the programs, the same on every machine, and
+so does the strict margin that is asked of the solver where the check refuses; the largest bound that the check has
+passed counts.  What is left between it and the best motion known is *unresolved*.
 """
 
 from __future__ import annotations
@@ -39,8 +39,10 @@ LOOSE = 1e-4
 """A gap above this (relative) is worth to tell motions apart by the full turns of a given end."""
 CUTS = (-1, 0, -2, 1)
 """Numbers of turns between which they are told apart."""
-GROWTH = 5
-"""The time that a program takes grows with this power of the size of its Gram matrix."""
+GROWTH = 4
+"""The effort of a program is this power of the size of its Gram matrix; its time grows with the third to the fifth."""
+EFFORT = 600_000
+"""Of all programs of a class together: some 10 to 20 s on a processor of 2025."""
 
 
 @dataclass(frozen=True)
@@ -56,6 +58,7 @@ class SquaresCertificate:
         seconds: [s] of processor time spent.
         step: what the last degree added to the bound; inf where there was only one.
         end_force: how much V changes with a given end state, per rad and per rad/s.
+        effort: that was spent.
     """
 
     lower: float
@@ -66,6 +69,7 @@ class SquaresCertificate:
     seconds: float
     step: float = np.inf
     end_force: float = 0.0
+    effort: int = 0
 
     @property
     def gap(self) -> float:
@@ -105,7 +109,7 @@ def check_squares(problem: Inequality, proof: SquaresProof | TurnsProof, claim: 
 
 
 def certify_squares(
-    task: Task, cost: Cost, ends: Ends = FREE, *, upper: float = np.inf, budget: float = 20.0
+    task: Task, cost: Cost, ends: Ends = FREE, *, upper: float = np.inf, effort: int = EFFORT
 ) -> SquaresCertificate:
     """Find and check a lower bound over a class of starts and ends.
 
@@ -114,7 +118,7 @@ def certify_squares(
         cost: what is bounded.
         ends: class of starts and ends.
         upper: value of the best motion known.
-        budget: [s] of processor time after which no further degree is begun.
+        effort: beyond which no further degree is begun.
 
     Returns:
         The best bound that has passed the check.
@@ -125,14 +129,21 @@ def certify_squares(
     with flint.ctx.workprec(BITS):
         problem = inequality(task, cost, ends)
         if not (problem.start and problem.end):
-            return escalate(problem, DEGREES, upper, budget)
-        whole = escalate(problem, DEGREES, upper, budget / 2)
+            return escalate(problem, DEGREES, upper, effort)
+        whole = escalate(problem, DEGREES, upper, effort // 2)
         if whole.gap <= LOOSE:
             return whole
         # Ends that differ by full turns are reached by ways of their own.
-        parts = escalate(problem, DEGREES, upper, budget - whole.seconds, _best_cut(problem))
+        parts = escalate(problem, DEGREES, upper, effort - whole.effort, _best_cut(problem))
         better = parts if parts.lower > whole.lower else whole
-        return replace(better, seconds=whole.seconds + parts.seconds)
+        return replace(better, seconds=whole.seconds + parts.seconds, effort=whole.effort + parts.effort)
+
+
+@dataclass
+class _Effort:
+    """How much is left; it may fall below zero within a degree."""
+
+    amount: int
 
 
 def _best_cut(problem: Inequality) -> int:
@@ -140,7 +151,7 @@ def _best_cut(problem: Inequality) -> int:
 
     def bound(cut: int) -> float:
         try:
-            return _attempt(problem, DEGREES[0], -np.inf, cut)[0]
+            return _attempt(problem, DEGREES[0], _Effort(0), cut)[0]
         except Refused:
             return -np.inf
 
@@ -148,7 +159,7 @@ def _best_cut(problem: Inequality) -> int:
 
 
 def escalate(
-    problem: Inequality, degrees: tuple[Degree, ...], upper: float, budget: float, cut: int | None = None
+    problem: Inequality, degrees: tuple[Degree, ...], upper: float, effort: int, cut: int | None = None
 ) -> SquaresCertificate:
     """Try one degree after the other.
 
@@ -156,7 +167,7 @@ def escalate(
         problem: in balls.
         degrees: in the order in which they are tried.
         upper: value of the best motion known.
-        budget: [s] of processor time after which no further degree is begun.
+        effort: beyond which no further degree is begun.
         cut: full turns of a given end up to which one proof reaches, and above which another; None for one proof.
 
     Returns:
@@ -164,12 +175,12 @@ def escalate(
     """
     # Loading it takes as long as a small program, and says nothing of the larger ones.
     import_module("cvxpy")
-    begin = time.process_time()
+    begin, left = time.process_time(), _Effort(effort)
     best = SquaresCertificate(-np.inf, upper, None, None, "nothing was tried", 0.0)
     for degree, following in zip_longest(degrees, degrees[1:]):
-        before, started = best.lower, time.process_time()
+        before = best.lower
         try:
-            lower, proof = _attempt(problem, degree, begin + budget, cut)
+            lower, proof = _attempt(problem, degree, left, cut)
         except Refused as refusal:
             best = replace(best, reason=f"degree {degree.time}, {degree.angle}: {refusal}")
         else:
@@ -183,34 +194,35 @@ def escalate(
                 reason = "a higher degree of V gives no more: a better motion may exist"
                 best = replace(best, reason=reason, step=abs(lower - before))
                 break
-        now = time.process_time()
-        if following and now - begin + (now - started) * (_size(following) / _size(degree)) ** GROWTH > budget:
-            best = replace(best, reason=f"{best.reason}; the time is up")
+        if following and _effort(following) * (1 if cut is None else 2) > left.amount:
+            best = replace(best, reason=f"{best.reason}; the effort allowed is spent")
             break
-    return replace(best, seconds=time.process_time() - begin)
+    return replace(best, seconds=time.process_time() - begin, effort=effort - left.amount)
 
 
 def _attempt(
-    problem: Inequality, degree: Degree, deadline: float, cut: int | None
+    problem: Inequality, degree: Degree, left: _Effort, cut: int | None
 ) -> tuple[float, SquaresProof | TurnsProof]:
     """A bound and its proof with the smallest margin that the check accepts."""
     if cut is not None:
-        low, upto = _attempt(replace(problem, side=-1, turns=cut), degree, deadline, None)
-        high, above = _attempt(replace(problem, side=1, turns=cut + 1), degree, deadline, None)
+        low, upto = _attempt(replace(problem, side=-1, turns=cut), degree, left, None)
+        high, above = _attempt(replace(problem, side=1, turns=cut + 1), degree, left, None)
         assert isinstance(upto, SquaresProof)
         assert isinstance(above, SquaresProof)
         return min(low, high), TurnsProof(cut, upto, above)
     last = Refused("no margin was tried")
     for margin in MARGINS:
+        left.amount -= _effort(degree)
         try:
             proof = propose(problem, degree, margin)
             return check_squares(problem, proof), proof
         except Refused as refusal:
             last = refusal
-        if time.process_time() > deadline:
+        if left.amount <= 0:
             break
     raise last
 
 
-def _size(degree: Degree) -> int:
-    return (degree.time // 2 + 1) * (degree.angle + 1)
+def _effort(degree: Degree) -> int:
+    """Of one program."""
+    return int(((degree.time // 2 + 1) * (degree.angle + 1)) ** GROWTH)

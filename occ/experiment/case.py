@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import occ
 from occ.experiment.naming import compact, slug
@@ -19,6 +19,7 @@ from occ.task import Player, Task
 
 NUMERICS = ("casadi", "numpy", "scipy")
 """Libraries whose version is part of what a stored case depends on."""
+SOURCES = ("*.py", "*.c")
 NOT_IN_RESULTS = (
     "cli.py",
     "commands.py",
@@ -65,6 +66,11 @@ class Case:
         return [table["name"] for table in self.tables["controller"]]
 
     @property
+    def apart(self) -> list[Alone]:
+        """Each controller alone, in the order of the file; nothing where there is but one."""
+        return [Alone(self, name) for name in self.controllers] if len(self.controllers) > 1 else []
+
+    @property
     def key(self) -> str:
         """sha256 of the tables and of the code that turns them into numbers, the user's own files included."""
         content = {"tables": dict(self.tables), "code": code_fingerprint(), "own_code": self.own_code}
@@ -96,13 +102,31 @@ class Case:
         return experiment_model(tuple(item.table() for item in self.own_classes)).model_validate(self.tables)
 
 
+class Alone(NamedTuple):
+    """One controller of a case, without the others.
+
+    Args:
+        case: plain data.
+        controller: its name.
+    """
+
+    case: Case
+    controller: str
+
+
 @cache
 def code_fingerprint() -> str:
     """sha256 of the package's version, of its sources that affect results and of the libraries that compute them."""
     root = Path(occ.__file__).parent
     digest = hashlib.sha256(" ".join(f"{name} {version(name)}" for name in ("occ", *NUMERICS)).encode())
-    for file in sorted(root.rglob("*.py")):
-        place = file.relative_to(root).as_posix()
-        if not any(place == part or place.startswith(part + "/") for part in NOT_IN_RESULTS):
-            digest.update(f"\0{place}\0".encode() + file.read_bytes())
+    for place in result_sources(root):
+        digest.update(f"\0{place}\0".encode() + (root / place).read_bytes())
     return digest.hexdigest()
+
+
+def result_sources(root: Path) -> list[str]:
+    """Places below the package's folder of the sources that affect results, in Python and in C."""
+    places = sorted(file.relative_to(root).as_posix() for kind in SOURCES for file in root.rglob(kind))
+    return [
+        place for place in places if not any(place == part or place.startswith(part + "/") for part in NOT_IN_RESULTS)
+    ]

@@ -165,7 +165,7 @@ class _Child:
 
     def _reason(self) -> str:
         if self.overdue:
-            return f"not finished after {self.limits.time:g} s, the time limit of a case"
+            return f"not finished after {self.limits.time:g} s, the time limit"
         code = self.process.wait()
         if code >= 0:
             return f"the process that solved it ended with the exit code {code}"

@@ -159,7 +159,7 @@ def read_toml(path: Path) -> dict[str, Any]:
         ExperimentError: no such file, not UTF-8, or not TOML; one line that names file, line and column.
     """
     try:
-        text = path.read_bytes().decode("utf-8")
+        text = path.read_bytes().decode("utf-8-sig")
         return tomllib.loads(text)
     except OSError as error:
         raise ExperimentError([f"{path}: cannot be read ({error.strerror}); should be a TOML file"]) from error

@@ -261,7 +261,8 @@ class OpenOwnTable(OwnTable):
 def _model(cls: type, kind: str) -> type[DataTable]:
     """The model of the table of a class, by the arguments with which it is made."""
     parameters = list(inspect.signature(cls).parameters.values())
-    hints = get_type_hints(cls if dataclasses.is_dataclass(cls) else cls.__init__, include_extras=True)  # type: ignore[misc]
+    declared = cls if dataclasses.is_dataclass(cls) else cls.__init__  # type: ignore[misc]  # the class's, of no instance
+    hints = get_type_hints(declared, include_extras=True)
     named = [item for item in parameters if item.kind in (item.POSITIONAL_OR_KEYWORD, item.KEYWORD_ONLY)]
     open_ended = any(item.kind is item.VAR_KEYWORD for item in parameters)
     _check_declaration(cls, [item.name for item in named])

@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 from occ.errors import InputError, Status
-from occ.experiment.bounds import Bound, MotionClass
+from occ.experiment.bounds import PROVEN, Bound, MotionClass, bound_columns, local_bounds
 from occ.experiment.case import Case
 from occ.motion import Circle
 from occ.objectives import COPPER_LOSS, objective
@@ -28,10 +28,6 @@ if TYPE_CHECKING:
 
 EXACT_ERROR = 1e-11
 """Relative error of an exact least value: rounding."""
-BUDGET = 30.0
-"""[s] Of the processor's time after which no further proof of the work is looked for; nearly all take less than 3 s."""
-SQUARES_BUDGET = 20.0
-"""[s] The same for sums of squares, for each class."""
 GIVEN = MotionClass("path", "given", "free")
 """The class that contains all others with the given start."""
 
@@ -56,9 +52,61 @@ MINORANTS: dict[str, Minorant] = {
 """Where the certified bounds of the other objectives come from."""
 
 
+class Proven(NamedTuple):
+    """Bounds, and why a class has none although one was looked for."""
+
+    bounds: list[Bound]
+    missing: list[tuple[MotionClass, str]]
+
+
+def with_bounds(
+    case: Case,
+    rows: Iterable[Mapping[str, Any]],
+    objectives: Iterable[str],
+    *,
+    task: Task | None = None,
+    certify: bool = False,
+) -> list[dict[str, Any]]:
+    """The rows of one case with the bounds of each objective, proven ones and local ones.
+
+    Args:
+        case: whose rows they are.
+        rows: of the case, with its name.
+        objectives: by name.
+        task: of the case, where it is at hand.
+        certify: whether to look for proofs, too, which takes seconds.
+
+    Returns:
+        The same rows and `occ.experiment.bounds.BOUND_COLUMNS` of each objective; the message of a row without a proven
+        bound says why there is none where one was looked for.
+
+    Raises:
+        BoundViolation: a feasible row below a proven bound of its class.
+    """
+    own = [dict(row) for row in rows]
+    for name in objectives:
+        proven = proven_bounds(case, own, name, task=task, certify=certify)
+        bounds = [*proven.bounds, *local_bounds(own, name)]
+        for row in own:
+            row |= bound_columns(row, name, bounds)
+            words = [
+                f"no proven bound of {name}: {reason}"
+                for motions, reason in proven.missing
+                if _lacks(row, name, motions)
+            ]
+            row["message"] = "; ".join(filter(None, [row["message"], *words[:1]]))
+    return own
+
+
+def _lacks(row: Mapping[str, Any], name: str, motions: MotionClass) -> bool:
+    """Whether a row has no proven bound although it is of a class that should have one."""
+    fair = row["status"] == Status.OK and row[f"{name}_bound_kind"] not in PROVEN
+    return fair and motions.contains(MotionClass.of(row))
+
+
 def proven_bounds(
     case: Case, rows: Iterable[Mapping[str, Any]], name: str, *, task: Task | None = None, certify: bool = False
-) -> list[Bound]:
+) -> Proven:
     """The proven bounds of all classes that occur among the rows of one case.
 
     Args:
@@ -69,52 +117,56 @@ def proven_bounds(
         certify: whether to look for proofs, too, which takes seconds.
 
     Returns:
-        Bounds; none for an objective or a motion of which nothing is proven.
+        Bounds; none for an objective or a motion of which nothing is proven, with the reason where a search failed.
     """
     if case.tables["motion"]["kind"] != Circle.kind or not (name == "work" or (certify and name in MINORANTS)):
-        return []
+        return Proven([], [])
     task = task or case.task()
     fair = [row for row in rows if row["status"] == Status.OK and row["keep"] == "path"]
     classes = {MotionClass.of(row) for row in fair if row["start"] != "own" and row["end"] != "rest"}
     if task.off_model or not classes:
-        return []
+        return Proven([], [])
     if any(GIVEN.contains(motions) for motions in classes):
         classes.add(GIVEN)
-    found: list[Bound] = []
+    found = []
     for motions in sorted(classes, key=lambda item: (item.start, item.end)):
         if name == "work":
-            found += _of_work(task, motions, certify=certify)
+            found.append(_of_work(task, motions, certify=certify))
         else:
-            found += _of_minorant(task, motions, name, fair)
-    return found
+            found.append(_of_minorant(task, motions, name, fair))
+    return Proven([bound for item in found for bound in item.bounds], [why for item in found for why in item.missing])
 
 
-def _of_work(task: Task, motions: MotionClass, *, certify: bool) -> list[Bound]:
+def _of_work(task: Task, motions: MotionClass, *, certify: bool) -> Proven:
     least = _least_work(task, motions)
-    if least is None:
-        return []
+    if isinstance(least, str):
+        return Proven([], [(motions, least)] if least else [])
     rounding, slack = EXACT_ERROR * least.scale, _end_slack(motions, least.end_force)
     bounds = [Bound(least.work, "exact", motions, rounding + slack)]
     if not certify:
-        return bounds
+        return Proven(bounds, [])
     from occ.certify import certify_work
 
-    certificate = certify_work(task, _ends(task, motions), budget=BUDGET)
+    certificate = certify_work(task, _ends(task, motions))
     lower = certificate.lower
     if certificate.word != "certified":
         lower = max(lower, _squares(task, "work", motions, least.work).lower)
     if math.isfinite(lower):
         bounds.append(Bound(lower, "certified", motions, rounding + slack, max(least.work - lower, 0.0)))
-    return bounds
+    return Proven(bounds, [])
 
 
-def _least_work(task: Task, motions: MotionClass) -> LeastWork | None:
-    """The exact least work of a class; None where there is no formula."""
+def _least_work(task: Task, motions: MotionClass) -> LeastWork | str:
+    """The exact least work of a class, or why the search for it fails; nothing where there is no formula."""
+    from occ.theory.extremals import NoExtremal
+
     try:
         # A row may have any winding: the least of all is what holds for it.
         return _ends(task, motions).least(task)
     except InputError:
-        return None
+        return ""
+    except NoExtremal as error:
+        return str(error)
 
 
 def _ends(task: Task, motions: MotionClass) -> Ends:
@@ -124,20 +176,21 @@ def _ends(task: Task, motions: MotionClass) -> Ends:
     return Ends(cast("EndClass", motions.end), state, motions.start == "free")
 
 
-def _of_minorant(task: Task, motions: MotionClass, name: str, rows: Sequence[Mapping[str, Any]]) -> list[Bound]:
+def _of_minorant(task: Task, motions: MotionClass, name: str, rows: Sequence[Mapping[str, Any]]) -> Proven:
     of = MINORANTS[name]
-    least = _least_work(task, motions) if of.cost == "work" else None
+    found = _least_work(task, motions) if of.cost == "work" else ""
+    least = None if isinstance(found, str) else found
     optimum = least.work if least else _best(of.cost, of.cost, motions, rows)
     certificate = _squares(task, of.cost, motions, optimum)
     if not math.isfinite(certificate.lower):
-        return []
+        return Proven([], [(motions, certificate.reason)])
     value = math.nextafter(of.factor * certificate.lower, -math.inf)
     # Where no optimum is known the last step of the degree tells how loose the bound is.
     best = _best(name, of.cost, motions, rows)
     step = of.factor * certificate.step if math.isfinite(certificate.step) else abs(value)
     rest = max(best - value, 0.0) if math.isfinite(best) else step
     force = of.factor * (least.end_force if least else certificate.end_force)
-    return [Bound(value, "certified", motions, _end_slack(motions, force), rest)]
+    return Proven([Bound(value, "certified", motions, _end_slack(motions, force), rest)], [])
 
 
 def _best(name: str, cost: str, motions: MotionClass, rows: Sequence[Mapping[str, Any]]) -> float:
@@ -151,7 +204,7 @@ def _best(name: str, cost: str, motions: MotionClass, rows: Sequence[Mapping[str
 def _squares(task: Task, cost: Cost, motions: MotionClass, upper: float) -> SquaresCertificate:
     from occ.certify.squares import certify_squares
 
-    return certify_squares(task, cost, _ends(task, motions), upper=upper, budget=SQUARES_BUDGET)
+    return certify_squares(task, cost, _ends(task, motions), upper=upper)
 
 
 def _end_slack(motions: MotionClass, force: float) -> float:

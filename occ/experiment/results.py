@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from occ.errors import InputError, Status
-from occ.experiment.bounds import BOUND_COLUMNS, bound_columns, local_bounds
+from occ.experiment.bounds import BOUND_COLUMNS
 from occ.experiment.case import Case
 from occ.experiment.for_ever import for_ever
 from occ.experiment.load import Experiment
 from occ.experiment.naming import slug
-from occ.experiment.proven import proven_bounds
+from occ.experiment.proven import with_bounds
 from occ.experiment.store import write_text
 from occ.referee import LABELS, MEASURES
 
@@ -129,11 +129,7 @@ def assemble(experiment: Experiment, outcomes: Sequence[Sequence[Row]], started:
     certify = bool(experiment.tables.get("compare", {}).get("certified", False))
     for case, outcome in zip(experiment.cases, outcomes, strict=True):
         own = [{"case": case.name} | case.swept | dict(row) for row in outcome]
-        for name in experiment.objectives:
-            bounds = [*proven_bounds(case, own, name, certify=certify), *local_bounds(own, name)]
-            for row in own:
-                row |= bound_columns(row, name, bounds)
-        rows += own
+        rows += with_bounds(case, own, experiment.objectives, certify=certify)
     bound_names = [f"{x}_{part}" for x in experiment.objectives for part in BOUND_COLUMNS]
     columns = (*LABELS, *experiment.swept, *MEASURES, *bound_names)
     record = {
@@ -154,7 +150,7 @@ def _case_record(case: Case, outcome: Sequence[Row], *, certify: bool) -> dict[s
         "key": case.key,
         "swept": case.swept,
         "tables": dict(case.tables),
-        "for_ever": for_ever(case, certify=certify),
+        "for_ever": plain(for_ever(case, certify=certify)),
         **({"own_code": case.own_code} if case.own_code else {}),
         "controllers": {
             row["controller"]: {name: row[name] for name in ("statistics", "solve_time_s", "judge_time_s")}

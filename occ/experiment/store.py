@@ -105,6 +105,16 @@ class Store:
         # Another run into the same folder may have been faster.
         probe.unlink(missing_ok=True)
 
+    @contextmanager
+    def tidied(self) -> Iterator[None]:
+        """A block after which a folder with nothing in it is removed: a cluster that is not there leaves nothing."""
+        try:
+            yield
+        finally:
+            with suppress(OSError):
+                (self.folder / ".store").rmdir()
+                self.folder.rmdir()
+
     def path(self, key: str) -> Path:
         """The file of a case."""
         return self.folder / ".store" / f"{key}.json"

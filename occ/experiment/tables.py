@@ -9,16 +9,31 @@ from operator import or_
 from types import UnionType
 from typing import Annotated, Any, ClassVar, Literal, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, create_model
+from pydantic import BaseModel, ConfigDict, Field, Strict, create_model, field_validator
 from pydantic import model_validator as validator
 
 from occ.experiment.documentation import key_texts, summary
 
+LARGEST = 1e9
+"""In SI units, of any number: what is beyond it is a slip of the pen, and its square or cube may overflow."""
+SMALLEST = 1e-100
+"""The same at the other end; rounding of angles is far above it."""
+
 
 class Table(BaseModel):
-    """A table whose keys are all known and whose numbers are numbers and finite."""
+    """A table whose keys are all known and whose numbers are numbers, finite and of a size that has a meaning."""
 
     model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False)
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _has_a_size(cls, value: Any) -> Any:
+        for number in value if isinstance(value, tuple) else (value,):
+            if isinstance(number, float) and abs(number) > LARGEST:
+                raise ValueError(f"out of range ({number:g}); should be at most {LARGEST:g} in size")
+            if isinstance(number, float) and 0 < abs(number) < SMALLEST:
+                raise ValueError(f"out of range ({number:g}); should be at least {SMALLEST:g} in size")
+        return value
 
 
 class DataTable(Table):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 
@@ -141,7 +142,7 @@ def module_of(
         if found is None:
             missing.append(variable)
         else:
-            routines += _derivatives(export, name, moving, variable, found, wanted.order)
+            routines += _Derivatives(export, name, moving, variable, found).routines(wanted.order)
     for routine in routines:
         if len(routine.name) > LONGEST_NAME:
             raise InputError(
@@ -152,90 +153,117 @@ def module_of(
     return module, missing
 
 
-def _derivatives(
-    export: Export,
-    name: str,
-    expression: _Expression,
-    variable: str,
-    found: tuple[ca.SX, tuple[str, ...], tuple[int, ...]],
-    order: int,
-) -> list[Routine]:
-    symbol, units, places = found
-    value = ca.vec(ca.densify(expression.value.T))  # row by row
-    at = list(places)
-    jacobian = ca.jacobian(value, symbol)[:, at]
-    rows = _row_units(export.units, expression.value.shape)
-    latex = rf"\frac{{\partial {export.symbol}}}{{\partial \mathrm{{{_escaped(variable)}}}}}"
-    first = f"{name}_d_{variable}"
-    routines = [
-        Routine(
-            first,
-            f"Jacobian of {export.name} with respect to {variable}",
-            expression.described(),
+@dataclass(frozen=True, eq=False)
+class _Derivatives:
+    """The derivatives of one expression with respect to one variable.
+
+    Args:
+        export: of the catalogue.
+        name: of the function of the value.
+        expression: whose variable is a symbol.
+        variable: its name.
+        found: whole symbol, units and places in it, as of `_Expression.variable`.
+    """
+
+    export: Export
+    name: str
+    expression: _Expression
+    variable: str
+    found: tuple[ca.SX, tuple[str, ...], tuple[int, ...]]
+
+    def routines(self, order: int) -> list[Routine]:
+        """The Jacobian and, where second derivatives are wanted, the Hessian of a scalar or a product of a column's."""
+        if order < SECOND:
+            return [self._first()]
+        return [self._first(), self._hessian() if self._value.shape == (1, 1) else self._product()]
+
+    @property
+    def _at(self) -> list[int]:
+        return list(self.found[2])
+
+    @property
+    def _word(self) -> str:
+        """The variable in LaTeX."""
+        return rf"\mathrm{{{_escaped(self.variable)}}}"
+
+    @property
+    def _rows(self) -> tuple[str, ...]:
+        """Unit of each entry of the value."""
+        return _row_units(self.export.units, self.expression.value.shape)
+
+    @cached_property
+    def _value(self) -> ca.SX:
+        """The value row by row."""
+        return ca.vec(ca.densify(self.expression.value.T))
+
+    @cached_property
+    def _jacobian(self) -> ca.SX:
+        return ca.jacobian(self._value, self.found[0])[:, self._at]
+
+    def _first(self) -> Routine:
+        export, name = self.export, f"{self.name}_d_{self.variable}"
+        return Routine(
+            name,
+            f"Jacobian of {export.name} with respect to {self.variable}",
+            self.expression.described(),
             "jacobian",
-            rows,
-            units,
-            latex,
-            expression.function(first, jacobian),
+            self._rows,
+            self.found[1],
+            rf"\frac{{\partial {export.symbol}}}{{\partial {self._word}}}",
+            self.expression.function(name, self._jacobian),
         )
-    ]
-    if order < SECOND:
-        return routines
-    if value.shape == (1, 1):
-        second = f"{name}_hessian_{variable}"
-        hessian = ca.jacobian(jacobian.T, symbol)[:, at]
-        routines.append(
-            Routine(
-                second,
-                f"Hessian of {export.name} with respect to {variable}",
-                expression.described(),
-                "hessian",
-                tuple(f"{rows[0]}/({unit})" for unit in units),
+
+    def _hessian(self) -> Routine:
+        export, name, units = self.export, f"{self.name}_hessian_{self.variable}", self.found[1]
+        hessian = ca.jacobian(self._jacobian.T, self.found[0])[:, self._at]
+        return Routine(
+            name,
+            f"Hessian of {export.name} with respect to {self.variable}",
+            self.expression.described(),
+            "hessian",
+            tuple(f"{self._rows[0]}/({unit})" for unit in units),
+            units,
+            rf"\nabla^2_{{{self._word}}} {export.symbol}",
+            self.expression.function(name, hessian),
+        )
+
+    def _product(self) -> Routine:
+        export, name, units = self.export, f"{self.name}_hessian_product_{self.variable}", self.found[1]
+        symbol, at, count = self.found[0], self._at, self._value.shape[0]
+        multiplier, direction = ca.SX.sym("multiplier", count), ca.SX.sym("direction", len(at))
+        whole = ca.SX.zeros(symbol.shape)
+        for k, place in enumerate(at):
+            whole[place] = direction[k]
+        product = ca.jtimes(self._jacobian.T @ multiplier, symbol, whole)
+        extra = (
+            centred(
+                "multiplier",
+                f"factor of each entry of {export.name}, matrices row by row",
+                [f"row{i + 1}" for i in range(count)],
+                ("1",),
+                [rf"\lambda_{{{i + 1}}}" for i in range(count)],
+                1.0,
+            ),
+            centred(
+                "direction",
+                f"direction in the space of {self.variable}",
+                [f"entry{i + 1}" for i in range(len(at))],
                 units,
-                rf"\nabla^2_{{\mathrm{{{_escaped(variable)}}}}} {export.symbol}",
-                expression.function(second, hessian),
-            )
+                [rf"d_{{{i + 1}}}" for i in range(len(at))],
+                1.0,
+            ),
         )
-        return routines
-    multiplier = ca.SX.sym("multiplier", value.shape[0])
-    direction = ca.SX.sym("direction", len(at))
-    second = f"{name}_hessian_product_{variable}"
-    gradient = jacobian.T @ multiplier
-    whole = ca.SX.zeros(symbol.shape)
-    for k, place in enumerate(at):
-        whole[place] = direction[k]
-    extra = (
-        centred(
-            "multiplier",
-            f"factor of each entry of {export.name}, matrices row by row",
-            [f"row{i + 1}" for i in range(value.shape[0])],
-            ("1",),
-            [rf"\lambda_{{{i + 1}}}" for i in range(value.shape[0])],
-            1.0,
-        ),
-        centred(
-            "direction",
-            f"direction in the space of {variable}",
-            [f"entry{i + 1}" for i in range(len(at))],
-            units,
-            [rf"d_{{{i + 1}}}" for i in range(len(at))],
-            1.0,
-        ),
-    )
-    product = ca.jtimes(gradient, symbol, whole)
-    routines.append(
-        Routine(
-            second,
-            f"sum of multiplier_i times the Hessian of {export.name}_i with respect to {variable}, times direction",
-            (*expression.described(), *extra),
+        return Routine(
+            name,
+            f"sum of multiplier_i times the Hessian of {export.name}_i with respect to {self.variable}, "
+            "times direction",
+            (*self.expression.described(), *extra),
             "product",
-            tuple(f"sum of ({' | '.join(dict.fromkeys(rows))})/({unit})" for unit in units),
+            tuple(f"sum of ({' | '.join(dict.fromkeys(self._rows))})/({unit})" for unit in units),
             (),
-            rf"\lambda \cdot \nabla^2_{{\mathrm{{{_escaped(variable)}}}}} {export.symbol} \, d",
-            expression.function(second, product, (multiplier, direction)),
+            rf"\lambda \cdot \nabla^2_{{{self._word}}} {export.symbol} \, d",
+            self.expression.function(name, product, (multiplier, direction)),
         )
-    )
-    return routines
 
 
 def _row_units(units: tuple[str, ...], shape: tuple[int, int]) -> tuple[str, ...]:

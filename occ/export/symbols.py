@@ -74,7 +74,17 @@ class Symbols:
         return tuple(name for name in self.described if name in names)
 
     def program(self, derivative: int) -> ca.SX:
-        """Position, velocity or acceleration of B on the floor in its program, (2,) [m, m/s, m/s^2]."""
+        """Position, velocity or acceleration of B on the floor in its program.
+
+        Args:
+            derivative: 0, 1 or 2.
+
+        Returns:
+            (2,) [m], [m/s] or [m/s^2].
+
+        Raises:
+            InputError: the position where only velocity and acceleration are given.
+        """
         motion = self.program_motion
         if motion.motion:
             function = kinematics_function(motion.motion, motion.structure, motion.size)

@@ -15,7 +15,6 @@ from occ.figures.over_time import Motions, cost_figure, force_figure, heading_fi
 from occ.figures.reach import reach_figure, torque_box
 from occ.figures.style import style, write
 from occ.figures.sweep import front_figure, gap_figure, numeric_keys, value_figure, weight_keys
-from occ.objectives import Objective
 from occ.report.contents import plain_name
 from occ.report.stored import Stored, load
 
@@ -63,32 +62,25 @@ def plan(stored: Stored) -> list[Planned]:
             for item in stored.objectives:
                 name = f"gap-{item.name}-{key}.svg"
                 caption = f"{plain_name(item).capitalize()} above its bound against {key}."
-                planned.append(Planned(name, caption, "", _gap_drawing(stored, item, key)))
+                planned.append(Planned(name, caption, "", _of_all_cases(gap_figure, stored, item, key)))
     for key in numeric_keys(stored):
         for item in stored.objectives:
             name = f"{item.name}-{key}.svg"
             caption = f"{plain_name(item).capitalize()} of each controller against {key}."
-            planned.append(Planned(name, caption, "", partial(_value_drawing, stored, item, key)))
+            planned.append(Planned(name, caption, "", _of_all_cases(value_figure, stored, item, key)))
     for key in weight_keys(stored):
         for one, other in pairwise(stored.objectives):
             name = f"front-{one.name}-{other.name}-{key}.svg"
             caption = f"{plain_name(one).capitalize()} against {plain_name(other)}: the front of {key}."
-            planned.append(Planned(name, caption, "", partial(_front_drawing, stored, (one, other), key)))
+            planned.append(Planned(name, caption, "", _of_all_cases(front_figure, stored, (one, other), key)))
     for case in stored.cases[:DRAWN_CASES] if many else stored.cases:
         planned += _of_case(stored, case)
     return planned
 
 
-def _value_drawing(stored: Stored, item: Objective, key: str, _: Motions) -> Figure | None:
-    return value_figure(stored, item, key)
-
-
-def _front_drawing(stored: Stored, pair: tuple[Objective, Objective], key: str, _: Motions) -> Figure | None:
-    return front_figure(stored, pair, key)
-
-
-def _gap_drawing(stored: Stored, item: Objective, key: str) -> Drawing:
-    return lambda _: gap_figure(stored, item, key)
+def _of_all_cases(figure: Callable[..., Figure | None], *arguments: object) -> Drawing:
+    """A drawing that takes nothing from the motions of one case."""
+    return lambda _: figure(*arguments)
 
 
 def _of_case(stored: Stored, case: str) -> Iterator[Planned]:

@@ -32,9 +32,10 @@ def path_figure(motions: Motions, where: str = "") -> Figure:
     columns = min(4, len(drawn))
     rows = -(-len(drawn) // columns)
     low, high = _extent(drawn)
-    width = 2.5
+    width = 2.5 if columns > 1 else 5.5
     height = width * float((high[1] - low[1]) / (high[0] - low[0]))
-    left, bottom, top, across, up = 0.65, 1.15, 0.8, 0.2, 0.5
+    # The legend has two rows, or three where it is narrow.
+    left, bottom, top, across, up = 0.65, 1.15 if columns > 2 else 1.3, 0.8, 0.2, 0.5
     size = left + columns * (width + across), bottom + top + rows * height + (rows - 1) * up
     more = f", first {len(drawn)} of {len(motions)} controllers" if len(drawn) < len(motions) else ""
     figure = blank(*size, f"Paths on the floor{where}{more}", left)
@@ -54,7 +55,7 @@ def path_figure(motions: Motions, where: str = "") -> Figure:
         panel.grid(visible=False)
     figure.legend(
         handles=_legend_handles(), loc="lower left", bbox_to_anchor=(left / size[0], 0.06 / size[1]),
-        ncols=3 if columns > 2 else 2 if columns == 2 else 1, borderaxespad=0.0,
+        ncols=3 if columns > 2 else 2, borderaxespad=0.0,
     )  # fmt: skip
     return figure
 

@@ -74,10 +74,11 @@ def figure_of(item: Map) -> Figure:
     """
     figure = blank(8.9, 5.1, item.caption, 0.75)
     panel = place(figure, (0.75, 0.6, 5.2, 3.8))
-    panel.set_title(f"Blue: {_near(item)}")
+    # A mark at the edge of the map lies half outside.
+    panel.set_title(f"Blue: {_near(item)}", pad=9)
     handles = _curve(panel, item) if item.values.ndim == 1 else _map(panel, item)
     panel.set_xlabel(_axis(item.values, -1))
-    legend_beside(panel, handles)
+    legend_beside(panel, handles, gap=0.035)
     return figure
 
 

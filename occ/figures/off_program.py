@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from occ.figures.over_time import Motions
-from occ.figures.style import controller_line, label, legend_beside, panels
+from occ.figures.style import controller_line, label, legend_beside, panels, power_of_ten
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -48,7 +48,7 @@ def off_program_figure(motions: Motions, where: str = "") -> Figure | None:
     if hidden:
         panel.set_title(f"{hidden} of {len(errors)} curves stay below this scale", pad=4)
     panel.set_ylim(bottom=LOWEST)
-    panel.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+    panel.yaxis.set_major_formatter(power_of_ten)
     panel.set_xlim(0.0, max(float(motion["time"][-1]) for _, motion in motions.values()))
     panel.set_xlabel("time [s]")
     panel.set_ylabel("distance [m]")

@@ -47,9 +47,8 @@ def cost_figure(item: Objective, motions: Motions, where: str = "") -> Figure:
         top = max(total for who, total in totals.items() if who not in hidden)
         low = min(float(motion[item.name].min()) for _, motion in motions.values())
         axes[0].set_ylim(low - 0.05 * top, 1.08 * top)
-        _note(
-            axes[0], "; ".join(f"{who} goes up to {total:.4g} {unit}, off this scale" for who, total in hidden.items())
-        )
+        beyond = (f"{who} goes up to {plain_number(total)} {unit}, off this scale" for who, total in hidden.items())
+        _note(axes[0], "; ".join(beyond))
     axes[0].set_ylabel(f"{name} [{unit}]")
     _time_axis(axes[-1], motions)
     if len(motions) > 1:
@@ -131,10 +130,10 @@ def force_figure(motions: Motions, where: str = "") -> Figure:
     figure = blank(left + step + width + 0.2, total, f"Generalised forces and wheel torques{where}", left)
     wheels = max(len(motion["torque"]) for _, motion in motions.values())
     columns = (
-        (("force_x", "force_y", "yaw_moment"), ["F_X [N]", "F_Y [N]", "M_Ω [N m]"], "[N], [N m]", "N or N m"),
-        (("torque",), [f"M_{i + 1}" for i in range(wheels)], "torque [N m]", "N m"),
+        (("force_x", "force_y", "yaw_moment"), ["F_X [N]", "F_Y [N]", "M_Ω [N m]"], "[N], [N m]"),
+        (("torque",), [f"M_{i + 1} [N m]" for i in range(wheels)], "torque [N m]"),
     )
-    for column, (quantities, names, axis_label, unit) in enumerate(columns):
+    for column, (quantities, names, axis_label) in enumerate(columns):
         curves = {who: np.vstack([motion[q] for q in quantities]) for who, (_, motion) in motions.items()}
         low, high = visible_range([(motions[who][1]["time"], row) for who, rows in curves.items() for row in rows])
         pad = 0.06 * max(high - low, 1e-9)
@@ -143,14 +142,15 @@ def force_figure(motions: Motions, where: str = "") -> Figure:
             edge = total - top - height - row * (height + between)
             panel = place(figure, (left + column * step, edge, width, height), first)
             for i, values in enumerate(curves[who]):
-                panel.plot(motion["time"], values, label=names[i], linewidth=1.3, **look(i))
+                shown = names[i] if column == 0 else names[i].split(" ")[0]
+                panel.plot(motion["time"], values, label=shown, linewidth=1.3, **look(i))
             panel.set_ylim(low - pad, high + pad)
             panel.set_title(who, pad=5)
             panel.set_ylabel(axis_label)
             # Ticks are most of what drawing costs; inner rows share those of the last one.
             panel.xaxis.set_visible(row == count - 1)
             panel.locator_params(axis="y", nbins=4)
-            _note_peak(panel, motion["time"], curves[who], (low - pad, high + pad), unit)
+            _note_peak(panel, motion["time"], dict(zip(names, curves[who], strict=False)))
             if first is None:
                 first = panel
                 above = (0.0, 1 + 0.28 / height)
@@ -159,12 +159,21 @@ def force_figure(motions: Motions, where: str = "") -> Figure:
     return figure
 
 
-def _note_peak(panel: Axes, t: np.ndarray, values: np.ndarray, limits: tuple[float, float], unit: str) -> None:
-    """Say where a curve leaves the axes, and how far it goes."""
-    if values.min() >= limits[0] and values.max() <= limits[1]:
+def _note_peak(panel: Axes, t: np.ndarray, curves: Mapping[str, np.ndarray]) -> None:
+    """Say which curve leaves the axes most, and how far it goes; the names are as in a legend, with units."""
+    values = np.array(list(curves.values()))
+    low, high = panel.get_ylim()
+    beyond = np.maximum(values - high, low - values)
+    if beyond.max() <= 0:
         return
-    row, column = np.unravel_index(np.argmax(np.abs(values)), values.shape)
-    _note(panel, f"leaves this scale: peak {values[row, column]:.4g} {unit} at t = {t[column]:.4g} s")
+    row, column = np.unravel_index(np.argmax(beyond), beyond.shape)
+    name, unit = list(curves)[row].rstrip("]").split(" [")
+    _note(panel, f"{name} leaves this scale: {plain_number(values[row, column])} {unit} at t = {t[column]:.4g} s")
+
+
+def plain_number(value: float) -> str:
+    """Four significant digits, without an exponent up to a million."""
+    return f"{value:.0f}" if 1e4 <= abs(value) < 1e7 else f"{value:.4g}"
 
 
 def visible_range(curves: Sequence[tuple[np.ndarray, np.ndarray]], share: float = 0.01) -> tuple[float, float]:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
 
     from occ.allocation import InputMap
 
-MOST_WHEELS = 12
-"""With more wheels than this the corners are too many to be tried one by one."""
 FORCES = (("force_x", "F_X [N]"), ("force_y", "F_Y [N]"), ("yaw_moment", "M_Ω [N m]"))
 
 
@@ -36,14 +34,18 @@ class TorqueBox:
 
 
 def torque_box(tables: Mapping[str, Any]) -> TorqueBox | None:
-    """The torque limit of a case; None where it has none, or too many wheels for a drawing.
+    """The torque limit of a case.
 
     Args:
         tables: of the case, as `run.json` holds them.
+
+    Returns:
+        Wheels and limit; None where there is no limit, or where there are too many wheels for a drawing.
     """
     from pydantic import TypeAdapter
 
     from occ.allocation import platform_input_map
+    from occ.allocation.reach import MOST_CORNERS
     from occ.experiment.schema import PlatformTable
 
     limit = tables.get("limits", {}).get("torque")
@@ -51,7 +53,7 @@ def torque_box(tables: Mapping[str, Any]) -> TorqueBox | None:
         return None
     table: Any = TypeAdapter(PlatformTable).validate_python(tables["platform"])
     wheels = platform_input_map(table.build())
-    return TorqueBox(wheels, float(limit)) if wheels.wheel_count <= MOST_WHEELS else None
+    return TorqueBox(wheels, float(limit)) if wheels.wheel_count <= MOST_CORNERS else None
 
 
 def reach_figure(box: TorqueBox, motions: Motions, where: str = "") -> Figure:

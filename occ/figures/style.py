@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -30,6 +31,10 @@ DASHES: tuple[tuple[float, ...], ...] = (
 GREY = "#8a8a8a"
 LEGEND_WRAP = 26
 """Characters in a line of a legend or of a panel's title."""
+TITLE_SIZE = 11.0
+SMALLEST_TITLE = 8.0
+"""[pt] A title too long for its figure is printed smaller, and past this broken into two lines."""
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 _SETTINGS: dict[str, Any] = {
     "font.family": "sans-serif",
@@ -123,9 +128,27 @@ def blank(width: float, height: float, title: str, margin: float) -> Figure:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width, height))
-    corner = margin / width, 1 - 0.3 / height
-    figure.text(*corner, title, fontsize=11, fontweight="bold", va="center")
+    text, size = _fitted(title, width - margin - 0.1)
+    # Further lines grow upwards, away from the panels.
+    below = 0.5 * size / 72 if "\n" not in text else 0.09
+    figure.text(margin / width, 1 - (0.3 + below) / height, text, fontsize=size, fontweight="bold", va="bottom")
     return figure
+
+
+def _fitted(title: str, room: float) -> tuple[str, float]:
+    """A title and its size [pt] for a width [in]: names of cases may be long, and have no spaces."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import text_to_path
+
+    font = FontProperties(family="DejaVu Sans", weight="bold", size=TITLE_SIZE)
+    width = text_to_path.get_text_width_height_descent(title, font, ismath=False)[0] / 72
+    size = min(TITLE_SIZE, TITLE_SIZE * room / max(width, 1e-9))
+    if size >= SMALLEST_TITLE:
+        return title, size
+    # Letters differ in width: a line has fewer of them than the average would allow.
+    characters = int(0.9 * len(title) * room / width * TITLE_SIZE / SMALLEST_TITLE)
+    first, second, *rest = textwrap.wrap(title, max(characters, 10))
+    return f"{first}\n{second[:-1]}…" if rest else f"{first}\n{second}", SMALLEST_TITLE
 
 
 def place(figure: Figure, box: tuple[float, float, float, float], share: Axes | None = None, **options: Any) -> Axes:
@@ -174,17 +197,28 @@ def panels(width: float, heights: Sequence[float], title: str, margin: float = 0
     return figure, axes
 
 
-def legend_beside(panel: Axes, handles: Sequence[Artist]) -> None:
+def power_of_ten(value: float, _: float = 0.0) -> str:
+    """The label of a decade on a logarithmic axis: 10⁻⁸, and 1 and 10 as they are.
+
+    Args:
+        value: a power of ten.
+    """
+    exponent = round(math.log10(value))
+    return f"{value:g}" if exponent in {0, 1} else "10" + str(exponent).translate(_RAISED)
+
+
+def legend_beside(panel: Axes, handles: Sequence[Artist], gap: float = 0.01) -> None:
     """A legend on the right of a panel, outside of the data.
 
     Args:
         panel: beside which it stands.
         handles: with their labels.
+        gap: between them, as part of the panel's width.
     """
     panel.legend(
         handles=list(handles),
         loc="upper left",
-        bbox_to_anchor=(1.01, 1.03),
+        bbox_to_anchor=(1 + gap, 1.03),
         borderaxespad=0.0,
         labelspacing=0.6,
     )

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pandas as pd
 
 from occ.experiment.units import unit_of
-from occ.figures.style import controller_line, label, legend_beside, panels
+from occ.figures.style import GREY, controller_line, label, legend_beside, panels
 from occ.objectives import Objective
 from occ.report.contents import plain_name, plain_unit
 from occ.report.stored import Stored
@@ -22,6 +23,12 @@ LINEAR_UP_TO = 0.1
 WIDE = 10.0
 """Swept values, or gaps, whose extremes have a larger ratio are drawn on a logarithmic axis."""
 MOST_TICKS = 8
+MARKERS = "os^Dv<>P"
+"""One for each combination of the other swept keys; with more of them all have the first."""
+WIDE_MARGIN = 0.95
+"""[in] Room for labels of ticks such as 228.3304."""
+CROWDED = (24.0, 11.0)
+"""[pt] Across and up; a label needs so much."""
 FAR = 3.0
 """Rows beyond this many times the largest value of a front are not drawn beside it."""
 
@@ -57,7 +64,9 @@ def value_figure(stored: Stored, item: Objective, key: str) -> Figure | None:
 
 def _over_key(stored: Stored, rows: pd.DataFrame, key: str, column: str, title: str) -> tuple[Figure, Axes]:
     """A figure with the curves of a column over a key."""
-    figure, (panel,) = panels(6.2, [3.4], title)
+    figure, (panel,) = panels(6.2, [3.4], title, WIDE_MARGIN)
+    # Values that hardly differ have long labels of ticks.
+    panel.yaxis.set_label_coords(-(WIDE_MARGIN - 0.25) / 6.2, 0.5)
     legend_beside(panel, _curves(panel, stored, rows, key, column))
     _key_axis(panel, stored, rows[key])
     return figure, panel
@@ -76,20 +85,35 @@ def _key_axis(panel: Axes, stored: Stored, values: pd.Series[float]) -> None:
 
 
 def _curves(panel: Axes, stored: Stored, rows: pd.DataFrame, key: str, column: str) -> list[Line2D]:
-    """A line for each controller and each combination of the other swept keys; one handle a controller."""
+    """A line for each controller and each combination of the other swept keys.
+
+    Returns:
+        One handle a controller, and one a combination, which has a marker of its own.
+    """
+    from matplotlib.lines import Line2D
+
     others = [name for name in stored.swept if name != key]
+    texts = (",".join(f"{k}={value}" for k, value in zip(others, row, strict=True)) for row in rows[others].to_numpy())
+    combined = pd.Series(list(texts), index=rows.index, dtype=str)
+    names = list(dict.fromkeys(combined)) if others else []
+    told = 1 < len(names) <= len(MARKERS)
+    markers = dict(zip(names, MARKERS, strict=False)) if told else {}
     handles = []
     for index, name in enumerate(stored.controllers):
         chosen = rows[rows["controller"] == name]
-        groups = [group for _, group in chosen.groupby(others)] if others else [chosen] if len(chosen) else []
+        groups = chosen.groupby(combined[chosen.index]) if others else [("", chosen)] if len(chosen) else []
+        look = controller_line(index) | {"label": label(name), "markersize": 3 + told}
         lines = [
-            panel.plot(
-                group[key], group[column], marker="o", markersize=3, label=label(name), **controller_line(index)
-            )[0]
-            for group in (group.sort_values(key) for group in groups)
+            panel.plot(*group.sort_values(key)[[key, column]].to_numpy().T, marker=markers.get(str(which), "o"), **look)
+            for which, group in groups
         ]
-        handles += lines[:1]
-    return handles
+        handles += [line for (line,) in lines[:1]]
+    if not told:
+        return handles
+    return handles + [
+        Line2D([], [], linestyle="none", marker=marker, color=GREY, label=label(name))
+        for name, marker in markers.items()
+    ]
 
 
 def gap_figure(stored: Stored, item: Objective, key: str) -> Figure | None:
@@ -103,7 +127,7 @@ def gap_figure(stored: Stored, item: Objective, key: str) -> Figure | None:
     Returns:
         The figure, or None where no row has a gap.
     """
-    from matplotlib.ticker import LogLocator
+    from matplotlib.ticker import LogLocator, SymmetricalLogLocator
 
     column = f"{item.name}_gap_percent"
     rows = stored.rows.assign(**{key: _numbers(stored, key)}).dropna(subset=[column])
@@ -113,7 +137,10 @@ def gap_figure(stored: Stored, item: Objective, key: str) -> Figure | None:
     figure, panel = _over_key(stored, rows, key, column, title)
     if rows[column].abs().max() > 50 * LINEAR_UP_TO:
         panel.set_yscale("symlog", linthresh=LINEAR_UP_TO)
+        panel.yaxis.set_major_locator(SymmetricalLogLocator(base=10, linthresh=LINEAR_UP_TO, subs=(1.0, 2.0, 5.0)))
         panel.yaxis.set_major_formatter("{x:g}")
+        if rows[column].min() > -0.2 * LINEAR_UP_TO:
+            panel.set_ylim(bottom=-0.2 * LINEAR_UP_TO)
     elif 0 < WIDE * rows[column].min() < rows[column].max():
         # A power law, such as the approach to an infimum, is a straight line.
         panel.set_yscale("log", subs=[])
@@ -161,8 +188,7 @@ def front_figure(stored: Stored, pair: tuple[Objective, Objective], key: str) ->
         look = controller_line(index) | ({} if name == swept else {"linestyle": "none"})
         size = 3.5 if name == swept else 8.0
         handles += panel.plot(chosen[x], chosen[y], marker="o", markersize=size, label=label(name), **look)
-    for weight, at_x, at_y in zip(front[key], front[x], front[y], strict=True):
-        panel.annotate(f"{weight:g}", (at_x, at_y), (4, 4), textcoords="offset points", fontsize=7.5)
+    _weights(panel, front[key].to_numpy(), front[[x, y]].to_numpy())
     left_out = others[others[y] > FAR * front[y].max()]
     for row, (name, at_x, at_y) in enumerate(zip(left_out["controller"], left_out[x], left_out[y], strict=True)):
         text = f"beyond the top: {name}, {names[0]} {at_x:.6g}, {names[1]} {at_y:.3g}"
@@ -171,3 +197,16 @@ def front_figure(stored: Stored, pair: tuple[Objective, Objective], key: str) ->
     panel.set_ylabel(f"{names[1]} [{plain_unit(pair[1].unit)}]")
     legend_beside(panel, handles)
     return figure
+
+
+def _weights(panel: Axes, weights: np.ndarray, places: np.ndarray) -> None:
+    """The weight beside each point of a front; where points crowd, every other one on the left."""
+    panel.autoscale_view()
+    pixels = panel.transData.transform(places) * 72 / panel.figure.dpi
+    left = False
+    for k, weight in enumerate(weights):
+        left = k > 0 and not left and bool(np.all(np.abs(pixels[k] - pixels[k - 1]) < CROWDED))
+        panel.annotate(
+            f"{weight:g}", places[k], (-5, -4) if left else (4, 4), textcoords="offset points", fontsize=7.5,
+            ha="right" if left else "left",
+        )  # fmt: skip

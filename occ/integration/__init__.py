@@ -7,6 +7,15 @@ Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.4
 """
 
 from occ.integration.methods import CompiledStep, PythonStep
-from occ.integration.steps import IntegrationError, Settings, Step, Steps, integrate
+from occ.integration.steps import OUT_OF_RANGE, IntegrationError, Settings, Step, Steps, integrate
 
-__all__ = ["CompiledStep", "IntegrationError", "PythonStep", "Settings", "Step", "Steps", "integrate"]
+__all__ = [
+    "OUT_OF_RANGE",
+    "CompiledStep",
+    "IntegrationError",
+    "PythonStep",
+    "Settings",
+    "Step",
+    "Steps",
+    "integrate",
+]

@@ -44,10 +44,13 @@ class Loop:
         self._often.used(steps)
 
     def run(self, inputs: Sequence[np.ndarray]) -> Run | None:
-        """Steps of one motion; None while nothing is compiled.
+        """Steps of one motion.
 
         Args:
             inputs: of the step's function, with x, f(t, x), p and the tolerance; x and f are changed.
+
+        Returns:
+            What makes them; None while nothing is compiled.
         """
         compiled = self._often.compiled
         return None if compiled is None else Run(compiled.occ_steps, inputs[2:6], self._size)

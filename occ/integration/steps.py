@@ -25,7 +25,7 @@ class IntegrationError(Exception):
 
     def __init__(self, t: float, reason: str) -> None:
         super().__init__(f"{reason} at t = {t:.6g} s")
-        self.t = t
+        self.t, self.reason = t, reason
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from occ.allocation import AllocationOption, MinNorm
 from occ.checks import NonNegative, check_fields
 from occ.control import SymbolicControl
 from occ.errors import InputError, Status
-from occ.integration import CompiledStep, IntegrationError, Settings, integrate
+from occ.integration import OUT_OF_RANGE, CompiledStep, IntegrationError, Settings, integrate
 from occ.model.coefficients import Coefficients, packed_size, unpack
 from occ.model.constraint import OnProgram, PathSymbols, path_functions
 from occ.motion import ProgramMotion, kinematics_function
@@ -317,7 +317,8 @@ def yaw_motion(
     try:
         steps = integrate(step, edges, np.array([start.heading, start.heading_rate]), bounds, lambda k, x: None)
     except IntegrationError as error:
-        return None, f"the yaw rate passes {LARGEST_YAW_RATE:g} rad/s at t = {error.t:.4g} s"
+        left = f"the yaw rate passes {LARGEST_YAW_RATE:g} rad/s or is not a number"
+        return None, f"{left if error.reason == OUT_OF_RANGE else error.reason} at t = {error.t:.4g} s"
 
     def motion(t: np.ndarray) -> np.ndarray:
         heading, omega = steps(t)

@@ -82,10 +82,13 @@ def audit(
 
 
 def preset_of(parameters: Mapping[str, Printed]) -> YouBot:
-    """The platform with the numbers as printed.
+    """The platform's preset with the numbers as printed.
 
     Args:
         parameters: by the keys of `PARAMETERS`.
+
+    Returns:
+        Numbers in SI.
     """
     numbers = {key: item.si for key, item in parameters.items()}
     center = numbers.pop("mass_center_x"), numbers.pop("mass_center_y")

@@ -82,7 +82,7 @@ def circle_checks(preset: YouBot) -> list[Check]:
     return [*_yaw_equation(truth), *_steady(truth), *_scaled(truth), *_singular(truth), *_turning(truth)]
 
 
-def _random(truth: CircleTruth) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _random() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """psi~, psi~', R_B, omega_B of either sign."""
     rng = np.random.default_rng(SEED)
     return (
@@ -95,7 +95,7 @@ def _random(truth: CircleTruth) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.
 
 def _yaw_equation(truth: CircleTruth) -> Iterator[Check]:
     k = truth.yaw
-    psi, d_psi, radius, rate = _random(truth)
+    psi, d_psi, radius, rate = _random()
     wanted = truth.acceleration(psi, d_psi, radius, rate)[0]
     along = k["kappa_12"] * d_psi - k["xi_1"] - k["kappa_22"] * (d_psi + rate)
     across = k["kappa_11"] * d_psi + k["xi_2"] - k["kappa_21"] * (d_psi + rate)
@@ -143,7 +143,7 @@ def _are_stable(truth: CircleTruth, psi: np.ndarray, radius: np.ndarray, rate: n
 
 def _scaled(truth: CircleTruth) -> Iterator[Check]:
     k, (speed, beta) = truth.yaw, truth.spin
-    psi, d_psi, radius, rate = _random(truth)
+    psi, d_psi, radius, rate = _random()
     critical, alpha = truth.angles(rate)
     epsilon, sign = np.abs(rate) / k["xi_3"], np.sign(rate)
     strength = radius * k["xi_3"] / speed

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from occ.integration import IntegrationError
 from occ.paper.formula import Check, relative
 from occ.paper.numbers import RATE
 
@@ -31,7 +32,11 @@ def _slope(function: Callable[[np.ndarray], np.ndarray], at: np.ndarray) -> np.n
 
 
 def _integrated(ratio: float, rate: float, start: float, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """psi~ and psi~' of eq. (4.14) from psi~(0), by an integrator of order 8."""
+    """psi~ and psi~' of eq. (4.14) from psi~(0), by an integrator of order 8.
+
+    Raises:
+        IntegrationError: the motion cannot be followed to the end.
+    """
     from scipy.integrate import solve_ivp
 
     def right_side(_: float, psi: np.ndarray) -> np.ndarray:
@@ -40,6 +45,9 @@ def _integrated(ratio: float, rate: float, start: float, t: np.ndarray) -> tuple
     result = solve_ivp(
         right_side, (0, t[-1]), [start], method="DOP853", t_eval=t, rtol=TOLERANCE, atol=TOLERANCE, max_step=0.5
     )
+    if not result.success:
+        reached = float(result.t[-1]) if len(result.t) else 0.0
+        raise IntegrationError(reached, "the degenerate equation cannot be followed any further")
     return result.y[0], right_side(0.0, result.y[0])
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from occ.laws import PathKeepingLaw, PrescribedRotation, ServoLaw
 from occ.model.presets import youbot
-from occ.objectives import OBJECTIVES
+from occ.objectives import INTEGRALS
 from occ.paper.claims import best_turning_heading
 from occ.paper.motions import Run, Simulated, platform_coefficients, replay_of, simulate
 from occ.paper.numbers import RADIUS, RATE
@@ -114,7 +114,7 @@ def work_of_laws() -> FigureData:
         "turning_backwards_J": PrescribedRotation(rate="program", heading=math.pi),
         "turning_best_J": PrescribedRotation(rate="program", heading=best),
     }
-    work = list(OBJECTIVES).index("work")
+    work = list(INTEGRALS).index("work")
     columns = {name: replay_of(task, law).samples().accumulated(t)[work] for name, law in laws.items()}
     motion = simulate(Run(radius=RADIUS, duration=HORIZON), t)
     table = frame([{"time_s": t, **columns, "best_heading_rad": best, "radius_m": RADIUS, "horizon_source": CHOSEN}])

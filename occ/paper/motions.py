@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from occ.errors import OccError
+from occ.errors import OccError, Status
 from occ.laws import PathKeepingLaw, ServoLaw
 from occ.model.presets import youbot
 from occ.motion import Circle
@@ -34,6 +34,9 @@ def platform_coefficients(point: tuple[float, float] = POINT) -> YawCoefficients
 
     Args:
         point: (2,) [m] B.
+
+    Returns:
+        Numbers, each of shape ().
     """
     return yaw_coefficients(youbot(), point)
 
@@ -97,6 +100,9 @@ class Simulated:
         Args:
             figure: its number.
             curve: its name.
+
+        Returns:
+            By the names in `AGREEMENT_COLUMNS`.
         """
         return {"figure": figure, "curve": curve, "duration_s": self.run.duration, **self.differences}
 
@@ -108,11 +114,14 @@ def replay_of(task: Task, law: PathKeepingLaw) -> Replay:
         task: platform, motion and start.
         law: whose torques.
 
+    Returns:
+        The true motion.
+
     Raises:
         OccError: the law gives up.
     """
     solution = law.solve(task)
-    if solution.control is None or solution.start_state is None:
+    if solution.status is not Status.OK or solution.control is None or solution.start_state is None:
         raise OccError(f"{law.kind}: {solution.message}")
     return Replay(task.platform, solution.control, solution.start_state, task.duration)
 

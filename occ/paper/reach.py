@@ -27,6 +27,9 @@ class Reach(NamedTuple):
 
         Args:
             factor: positive.
+
+        Returns:
+            All three numbers times the factor.
         """
         return Reach(self.nominal * factor, self.low * factor, self.high * factor, self.stationary)
 

@@ -80,6 +80,9 @@ def orbit_at(radius: float) -> RotatingOrbit:
     Args:
         radius: [m] R_B, below the critical one.
 
+    Returns:
+        The motion over one turn, and its measures.
+
     Raises:
         OccError: it was not found.
     """

@@ -37,6 +37,9 @@ class Symbols:
 
         Args:
             preset: with its parameters.
+
+        Returns:
+            Its numbers by the paper's letters [SI].
         """
         return cls(
             preset.platform_mass,
@@ -92,6 +95,9 @@ class Symbols:
         Args:
             b_X: [m].
             b_Y: [m].
+
+        Returns:
+            kappa [1/m], xi_1 and xi_2 [1/(m s)], xi_3 [1/s].
         """
         J_a = self.J_a(b_X, b_Y)
         return {

@@ -6,7 +6,7 @@ It sees no player: a `Solution` is a control, a start and a claim, and each clai
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any, get_args
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
@@ -99,7 +99,7 @@ def examine(task: Task, solution: Solution, tolerances: Tolerances | None = None
         return Verdict(replace(record, status=Status.UNSTABLE, message=str(error)))
     borne = loads(task, replay, samples)
     measures = measure(task, solution, replay, samples, borne)
-    status, message = _check(task, solution, measures, replay, samples, tolerances)
+    status, message = _check(_Judged(task, solution, measures, replay, samples, tolerances))
     excess, sentence = borne.largest_excess
     if status is Status.OK and excess > tolerances.limit:
         status, message = Status.INFEASIBLE, sentence
@@ -220,35 +220,43 @@ def _claim_errors(task: Task, solution: Solution, replay: Replay) -> tuple[float
     return float(residual.max()), float(max(center.max(), point.max()))
 
 
-def _check(
-    task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
-) -> tuple[Status, str]:
+class _Judged(NamedTuple):
+    """A solution, what was measured along its true motion, and what is let pass."""
+
+    task: Task
+    solution: Solution
+    measures: dict[str, float]
+    replay: Replay
+    samples: Samples
+    allowed: Tolerances
+
+
+def _check(judged: _Judged) -> tuple[Status, str]:
     """The first claim that does not hold, or ``OK``."""
+    measures = judged.measures
     if not all(np.isfinite(value) for value in measures.values()):
         names = ", ".join(name for name, value in measures.items() if not np.isfinite(value))
         return Status.FAILED, f"not finite: {names}"
-    claims = () if task.off_model else (_check_keep, _check_claimed, _check_end)
+    claims = () if judged.task.off_model else (_check_keep, _check_claimed, _check_end)
     for check in (_check_energy, _check_start, *claims):
-        reason = check(task, solution, measures, replay, samples, allowed)
+        reason = check(judged)
         if reason:
             return Status.FAILED, reason
     return Status.OK, ""
 
 
-def _check_energy(
-    task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
-) -> str:
+def _check_energy(judged: _Judged) -> str:
+    measures, samples = judged.measures, judged.samples
     size = abs(measures["work_J"]) + abs(measures["kinetic_change_J"]) + measures["dissipation_J"]
     size += float(samples.kinetic_energy.max())
     residual = measures["energy_residual_J"]
-    if abs(residual) > allowed.energy * max(size, 1e-3):
+    if abs(residual) > judged.allowed.energy * max(size, 1e-3):
         return f"the energy ledger does not close: work - kinetic change - dissipation = {residual:.3g} J"
     return ""
 
 
-def _check_start(
-    task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
-) -> str:
+def _check_start(judged: _Judged) -> str:
+    task, solution = judged.task, judged.solution
     state = solution.start_state
     assert state is not None
     if solution.claim.start == "free" and solution.claim.end != "periodic":
@@ -260,16 +268,14 @@ def _check_start(
         start = state[2], state[5]
         where = "a start with B on its program"
     distance = float(np.abs(task.state_on_program(0.0, *start) - state).max())
-    if distance > allowed.start:
+    if distance > judged.allowed.start:
         return f"the motion starts {distance:.3g} (SI units) away from {where}"
     return ""
 
 
-def _check_keep(
-    task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
-) -> str:
-    claim = solution.claim
-    speed = float(np.hypot(*task.motion.at(samples.t)[1]).max())
+def _check_keep(judged: _Judged) -> str:
+    task, measures, allowed, claim = judged.task, judged.measures, judged.allowed, judged.solution.claim
+    speed = float(np.hypot(*task.motion.at(judged.samples.t)[1]).max())
     allowed_distance = allowed.path * max(1.0, speed * task.duration)
     if claim.keep == "tube":
         assert claim.radius is not None
@@ -285,29 +291,29 @@ def _check_keep(
     return ""
 
 
-def _check_claimed(
-    task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
-) -> str:
-    claimed = solution.claimed
+def _check_claimed(judged: _Judged) -> str:
+    task, measures, claimed = judged.task, judged.measures, judged.solution.claimed
     if claimed is None:
         return ""
     if abs(claimed.t[0]) > 1e-12 or abs(claimed.t[-1] - task.duration) > 1e-9 * task.duration:
         return f"the claimed motion covers {claimed.t[0]:.6g} s to {claimed.t[-1]:.6g} s, not the whole horizon"
-    if measures["replay_error_m"] > allowed.replay:
+    if measures["replay_error_m"] > judged.allowed.replay:
         return f"the claimed motion is {measures['replay_error_m']:.3g} m away from the true one"
     return ""
 
 
-def _check_end(
-    task: Task, solution: Solution, measures: dict[str, float], replay: Replay, samples: Samples, allowed: Tolerances
-) -> str:
-    end, claim = replay.end_state, solution.claim
+def _check_end(judged: _Judged) -> str:
+    task, solution, end = judged.task, judged.solution, judged.replay.end_state
+    claim = solution.claim
     # A path keeper's position at the end is checked with its path.
     kept = claim.keep == "path"
     if claim.end == "free":
         wanted, where = _on_program(task, end) if claim.keep == "ends" else end, "B's program"
     elif claim.end == "law":
-        wanted, where = servo_end_state(task), "the servo law's end state"
+        try:
+            wanted, where = servo_end_state(task), "the servo law's end state"
+        except IntegrationError as error:
+            return f"the end state to be compared with is not known: {error}"
     elif claim.end == "rest":
         position = _on_program(task, end)[:2] if claim.keep == "ends" else end[:2]
         wanted, where = np.concatenate([position, [end[2]], np.zeros(3)]), "rest"
@@ -318,7 +324,7 @@ def _check_end(
         wanted = np.concatenate([position, [turned], solution.start_state[3:]])
         where = f"its start with {claim.winding or 0} full turns"
     distance = float(np.abs(wanted - end).max())
-    if distance > allowed.end:
+    if distance > judged.allowed.end:
         return f"the motion ends {distance:.3g} (SI units) away from {where}"
     return ""
 

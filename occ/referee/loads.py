@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -163,15 +164,25 @@ def loads(task: Task, replay: Replay, samples: Samples) -> Loads:
         All of them, between the nodes too.
     """
     rules = _rules(task.limits)
-    quantities = [_torque, _wheel_speed, _power, *(rule[0] for rule in rules if rule[0] not in _MEASURED)]
+    quantities = [*_MEASURED, *(rule.quantity for rule in rules if rule.quantity not in _MEASURED)]
     found = dict(zip(quantities, peaks(replay, samples, quantities), strict=True))
-    excesses = [_excess(samples, found[rule[0]], *rule) for rule in rules]
+    excesses = [_excess(samples, found[rule.quantity], rule) for rule in rules]
     if task.limits.torque_rate is not None:
         excesses.append(_torque_rate_excess(task.limits.torque_rate, samples))
     return Loads(found[_torque].value, found[_wheel_speed].value, found[_power].value, tuple(excesses))
 
 
-def _excess(samples: Samples, most: Peak, quantity: Quantity, limit: float, word: str, unit: str) -> tuple[float, str]:
+class _Rule(NamedTuple):
+    """A limit on a value at one time."""
+
+    quantity: Quantity
+    limit: float
+    word: str
+    unit: str
+
+
+def _excess(samples: Samples, most: Peak, rule: _Rule) -> tuple[float, str]:
+    quantity, limit, word, unit = rule
     values = np.abs(quantity(samples))
     share = float(samples.weight[np.any(values > limit, axis=0)].sum())
     who = "platform" if len(values) == 1 else f"wheel {most.wheel + 1}"
@@ -198,8 +209,7 @@ def _power(samples: Samples) -> np.ndarray:
 _MEASURED = (_torque, _wheel_speed, _power)
 
 
-def _rules(limits: Limits) -> list[tuple[Quantity, float, str, str]]:
-    """Quantity, limit, word and unit of each limit on a value at one time."""
+def _rules(limits: Limits) -> list[_Rule]:
     line = limits.torque_speed_line
     rules: list[tuple[Quantity, float | None, str, str]] = [
         (_torque, limits.torque, "torque", " N m"),
@@ -210,7 +220,7 @@ def _rules(limits: Limits) -> list[tuple[Quantity, float, str, str]]:
     if line is not None:
         stall, speed = line
         rules.append((lambda s: s.torque / stall + s.wheel_rates / speed, 1.0, "voltage", " of the full voltage"))
-    return [(quantity, limit, word, unit) for quantity, limit, word, unit in rules if limit is not None]
+    return [_Rule(quantity, limit, word, unit) for quantity, limit, word, unit in rules if limit is not None]
 
 
 def _torque_rate_excess(limit: float, samples: Samples) -> tuple[float, str]:

@@ -6,6 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from occ.integration import IntegrationError
 from occ.model.constraint import path_functions
 from occ.motion import kinematics_function
 from occ.numeric import BufferedFunction
@@ -23,6 +24,9 @@ def servo_end_state(task: Task) -> np.ndarray:
 
     Returns:
         (6,) state.
+
+    Raises:
+        IntegrationError: the motion cannot be followed to the end.
 
     Source: Petzold, SIAM J. Sci. Stat. Comput. 4 (1983), 136 (LSODA).
     """
@@ -45,4 +49,7 @@ def servo_end_state(task: Task) -> np.ndarray:
 
     start = [task.start.heading, task.start.heading_rate]
     outcome = solve_ivp(rate, (0.0, task.duration), start, method="LSODA", rtol=1e-11, atol=1e-12)
+    # LSODA takes what is not a number for a success.
+    if not (outcome.success and np.isfinite(outcome.y[:, -1]).all()):
+        raise IntegrationError(float(outcome.t[-1]), "the servo law's own motion cannot be followed any further")
     return task.state_on_program(task.duration, *outcome.y[:, -1])

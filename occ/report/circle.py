@@ -6,12 +6,15 @@ import json
 import math
 import re
 from collections.abc import Iterator
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from typing import Any
 
-from occ.report.tables import significant
+from occ.report.contents import plain_unit
+from occ.report.tables import amount, gap, significant
 from occ.task import Limits, Task
 
 DIGITS = 4
+BOUND_DIGITS = 8
 REGIMES = {
     "steady": "steady: the platform can turn with the circle, at a constant angle to its radius",
     "critical": "critical: the one steady rotation attracts from one side and repels on the other",
@@ -22,7 +25,7 @@ KINDS = {
     "critical": "the stable-unstable rotation",
     "rotating": "a rotating motion",
     "oscillating": "oscillations about the steady rotation",
-    "unsettled": "none of these within the time that was simulated",
+    "unsettled": "no regular motion within the time that was simulated",
 }
 
 
@@ -61,6 +64,7 @@ def circle_lines(task: Task, summary: dict[str, Any]) -> list[str]:
         *_rotation(summary),
         _ends(summary),
         *_wheels(summary, task.limits),
+        *_long_run(summary, task.limits),
         *_long_run_bounds(summary),
     ]
 
@@ -165,11 +169,27 @@ def _limit(values: list[float], limit: float | None) -> str:
     return f" (limit {limit:g}: {'passed' if max(values) > limit else 'kept'})"
 
 
+def _long_run(summary: dict[str, Any], limits: Limits) -> Iterator[str]:
+    """What the law settles at, beside the least possible."""
+    law, least = summary["law_mean_power_W"], summary["least_mean_power_W"]
+    if law is None or not least:
+        return
+    aside = ", limits of the wheels left aside" if limits != Limits() else ""
+    motion = "a steady rotation" if summary["least_mean_power_regime"] == "steady" else "a rotating motion"
+    yield (
+        f"long run: the law settles at {amount(law)} W on average; the least possible{aside} is {amount(least)} W "
+        f"(exact, {motion}); the law is {gap(summary['long_run_gap_percent'])} % above it"
+    )
+
+
 def _long_run_bounds(summary: dict[str, Any]) -> Iterator[str]:
     """Only where they were asked for."""
     for cost, item in summary.get("long_run_bounds", {}).items():
         motion = "a motion that turns against the circle" if item["turns"] else "a steady rotation"
+        # Rounded outwards: what is printed holds, too.
+        low = Context(BOUND_DIGITS, ROUND_FLOOR).create_decimal_from_float(item["lower"])
+        high = Context(BOUND_DIGITS, ROUND_CEILING).create_decimal_from_float(item["upper"])
         yield (
-            f"long run, least mean {cost.replace('_', ' ')}: between {item['lower']:.8g} and {item['upper']:.8g} "
-            f"{item['unit']} ({item['word']}; the larger number is that of {motion})"
+            f"long run, least mean {cost.replace('_', ' ')}: between {low} and {high} "
+            f"{plain_unit(item['unit'])} ({item['word']}; the larger number is that of {motion})"
         )

@@ -32,6 +32,9 @@ def text_field(heading: str, name: str | None = None) -> Field:
     Args:
         heading: plain words.
         name: of the results' column; the heading itself where it is the same.
+
+    Returns:
+        Column and cells; a dash where there is no word.
     """
     source = name or heading
     return Field(Column(heading), lambda row: MISSING if is_missing(row[source]) else str(row[source]))
@@ -45,6 +48,9 @@ def number_field(heading: str, unit: str, name: str, form: Callable[[Any], str])
         unit: plain text.
         name: of the results' column.
         form: from number to text.
+
+    Returns:
+        Column and cells.
     """
     return Field(Column(heading, unit, numeric=True), lambda row: form(row[name]))
 
@@ -125,7 +131,8 @@ def answer_tables(stored: Stored) -> list[Table]:
     fields = [text_field("status"), *CLASS]
     for item in stored.objectives:
         fields += [number_field(plain_name(item), plain_unit(item.unit), item.column, amount), _gap_field(item)]
-    fields.append(WHEELS[0])
+    if not any(item.column == "peak_torque_Nm" for item in stored.objectives):
+        fields.append(WHEELS[0])
     if any(row["keep"] == "none" for row in stored.records()):
         fields += OFF_PROGRAM
     if len(stored.cases) > MOST_CASES_APART:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -11,7 +12,7 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 import pandas as pd
 
-from occ.errors import InputError
+from occ.errors import InputError, Status
 from occ.experiment import naming
 from occ.experiment.bounds import BOUND_COLUMNS
 from occ.objectives import Objective, objective
@@ -103,6 +104,9 @@ class Stored:
 
         Returns:
             The motion, or None where none is stored.
+
+        Raises:
+            InputError: the file is not a trajectory of a run.
         """
         entry = self.runs.get(case, {}).get("controllers", {}).get(controller) or {}
         place = entry.get("trajectory")
@@ -110,9 +114,15 @@ class Stored:
             return None
         import h5py
 
-        with h5py.File(self.folder / place, "r") as file:
-            data = {name: np.asarray(variable) for name, variable in file.items()}
-            return Motion(data, {name: np.asarray(value) for name, value in file.attrs.items()})
+        try:
+            with h5py.File(self.folder / place, "r") as file:
+                data = {name: np.asarray(variable) for name, variable in file.items()}
+                attributes = {name: np.asarray(value) for name, value in file.attrs.items()}
+        except OSError as error:
+            raise InputError(
+                f"{self.folder / place}: not a stored trajectory ({error}); occ run makes it again"
+            ) from error
+        return Motion(data, attributes)
 
 
 def load(folder: Path) -> Stored:
@@ -133,21 +143,29 @@ def load(folder: Path) -> Stored:
     try:
         # Names such as "NA" or "007" are names: only numbers may be missing.
         rows = pd.read_csv(table, dtype=str, keep_default_na=False)
+        with table.open(newline="", encoding="utf-8") as file:
+            cut = next((n for n, line in enumerate(csv.reader(file)) if len(line) != len(rows.columns)), None)
+        if cut is not None:
+            raise ValueError(f"row {cut} is not as long as that of the columns' names; occ run makes it again")
         for name in rows.columns:
             if name in MEASURES or name.endswith(("_bound", "_percent")):
                 rows[name] = rows[name].replace("", "nan").astype(float)
-    except ValueError as error:  # pandas' own errors are among them
-        raise InputError(f"{table}: not a table of results ({error})") from error
+    except (ValueError, csv.Error) as error:  # pandas' own errors are among them
+        raise InputError(f"{table}: not a table of results ({' '.join(str(error).split())})") from error
     missing = [name for name in (*LABELS, *MEASURES) if name not in rows.columns]
     if missing:
         raise InputError(f"{table}: not a table of results: it lacks {', '.join(missing)}")
     if rows.empty:
         raise InputError(f"{table}: no results in it, only the names of their columns")
+    states = [status.value for status in Status]
+    unknown = rows.loc[~rows["status"].isin(states), "status"]
+    if not unknown.empty:
+        raise InputError(f'{table}: status "{unknown.iloc[0]}" is none; should be one of {", ".join(states)}')
     run = folder / "run.json"
     if not run.is_file():
         return Stored(folder, rows)
     try:
         content = json.loads(run.read_text(encoding="utf-8"))
-        return Stored(folder, rows, content["experiment"], content["cases"])
+        return Stored(folder, rows, dict(content["experiment"]), dict(content["cases"]))
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{run}: not the record of a run ({error!r})") from error

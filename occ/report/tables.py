@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Sequence
+import textwrap
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +15,13 @@ if TYPE_CHECKING:
 MISSING = "–"
 SMALLEST_GAP = 1e-4
 """[%] Gaps are printed with at most four decimals; what is smaller is said to be smaller."""
+
+
+GAP = 3
+"""Characters between the columns of a table in a terminal, its edges included."""
+UNBROKEN = "\N{NO-BREAK SPACE}"
+LEAST_HEADING = 12
+"""Characters of a heading in a terminal that are not broken into lines."""
 
 
 @dataclass(frozen=True)
@@ -54,13 +62,6 @@ class Table:
 def is_missing(value: Any) -> bool:
     """Whether there is no number or no text."""
     return value is None or value == "" or (isinstance(value, float) and math.isnan(value))
-
-
-def _or_missing(form: Callable[[float], str]) -> Callable[[Any], str]:
-    def formatted(value: Any) -> str:
-        return MISSING if is_missing(value) else form(float(value))
-
-    return formatted
 
 
 def significant(value: Any, digits: int) -> str:
@@ -221,6 +222,64 @@ def _latex_row(cells: Sequence[str]) -> str:
     return " & ".join(_latex_cell(cell) for cell in cells) + r" \\"
 
 
+def plain_lines(table: Table) -> list[str]:
+    """Caption, headings and rows in columns of even width, for a file or another program.
+
+    Args:
+        table: what to show.
+
+    Returns:
+        Lines without mark-up.
+    """
+    lines = [[_heading(column) for column in table.columns], *table.rows]
+    widths = [max(map(len, cells)) for cells in zip(*lines, strict=True)]
+    sides = [str.rjust if column.numeric else str.ljust for column in table.columns]
+    shown = [[side(cell, width) for side, cell, width in zip(sides, line, widths, strict=True)] for line in lines]
+    return [table.caption, *("  ".join(cells).rstrip() for cells in shown)]
+
+
+def _folded(table: Table, k: int) -> list[str]:
+    """The lines of a column's heading, about as wide as its cells."""
+    width = max([LEAST_HEADING, *(len(row[k]) for row in table.rows)])
+    column = table.columns[k]
+    # A unit stays in one piece: its spaces are no places to break at.
+    text = _heading(Column(column.heading, column.unit.replace(" ", UNBROKEN)))
+    lines = textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False)
+    return [line.replace(UNBROKEN, " ") for line in lines] or [""]
+
+
+def parts(table: Table, room: int) -> list[Table]:
+    """A table in pieces that a terminal has room for; each begins with the columns that name the rows.
+
+    Args:
+        table: what to show.
+        room: characters of a line.
+
+    Returns:
+        The table itself where it fits; a column that is too wide alone has a piece of its own.
+    """
+    cells = [[*_folded(table, k), *(row[k] for row in table.rows)] for k in range(len(table.columns))]
+    widths = [max(map(len, column)) + GAP for column in cells]
+    # Rows are named by the controller, or by case and controller, or by whatever comes first.
+    named = 2 if [column.heading for column in table.columns[1:2]] == ["controller"] else 1
+    names, used = list(range(named)), 0
+    pieces: list[list[int]] = [[]]
+    for k in range(named, len(widths)):
+        if pieces[-1] and sum(widths[:named]) + used + widths[k] > room:
+            pieces.append([])
+            used = 0
+        pieces[-1].append(k)
+        used += widths[k]
+    return [
+        Table(
+            table.caption if number == 0 else f"{table.caption}, continued",
+            tuple(table.columns[k] for k in names + piece),
+            tuple(tuple(row[k] for k in names + piece) for row in table.rows),
+        )
+        for number, piece in enumerate(pieces)
+    ]
+
+
 _COLOURS = {"ok": "green", "infeasible": "yellow", "failed": "red", "unstable": "red", "crashed": "red"}
 
 
@@ -240,10 +299,11 @@ def terminal(table: Table) -> rich.table.Table:
     shown = RichTable(
         title=Text(table.caption, style="bold"), box=box.SIMPLE_HEAD, title_justify="left", pad_edge=False
     )
-    for column in table.columns:
+    for k, column in enumerate(table.columns):
         shown.add_column(
-            Text(_heading(column)),
+            Text("\n".join(_folded(table, k))),
             justify="right" if column.numeric else "left",
+            vertical="bottom" if column.numeric else "top",
             no_wrap=column.numeric,
             overflow="fold",
         )

@@ -22,15 +22,14 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from occ.integration import IntegrationError
 from occ.theory.asymptotics import slow_slope
-from occ.theory.circle import circle_quantities
+from occ.theory.circle import circle_quantities, side_of_critical
 from occ.theory.coefficients import YawCoefficients
 from occ.theory.equation import ScaledEquation, scaled_equation, scaled_right_side, yaw_acceleration
 from occ.theory.orbits import RotatingOrbit, rotating_orbit
 from occ.theory.stability import eigenvalues
 
-CRITICAL = 1e-9
-"""A radius is the critical one within this relative distance."""
 HEADINGS, YAW_RATES = 24, 21
 """Starts of the grid: headings over a full turn, yaw rates from -2 |omega_B| to 2 |omega_B|."""
 MOST_STEPS = 10_000
@@ -82,18 +81,23 @@ def find_attractors(c: YawCoefficients, radius: float, rate: float) -> tuple[Att
         One or more; a share of starts that had not settled is listed, too.
     """
     eq = ScaledEquation(*(np.asarray(float(value)) for value in scaled_equation(c, radius, rate)))
-    if eq.ratio < 1 - CRITICAL:
+    side = int(side_of_critical(eq.ratio))
+    if side < 0:
         orbit = rotating_orbit(eq)
         return (Attractor("rotating" if orbit else "unsettled", 1.0, None, orbit),)
     if not np.isfinite(eq.epsilon):
         return (Attractor("unsettled", 1.0, None, None),)
     circle = _circle(c, radius, rate, eq)
     one_signed = bool(abs(rate) * eq.k < c.xi_3)
-    first = None if friction_forbids_rotation(eq) else _over_the_saddle(eq)
+    first, known = None, True
+    if not friction_forbids_rotation(eq):
+        try:
+            first = _over_the_saddle(eq)
+        except IntegrationError:
+            known = False
     orbit = rotating_orbit(eq, first) if first is not None else None
-    if one_signed and first is None:
-        critical = bool(np.abs(eq.ratio - 1) <= CRITICAL)
-        return (Attractor("critical" if critical else "steady", 1.0, circle.stable, None),)
+    if one_signed and known and first is None:
+        return (Attractor("steady" if side else "critical", 1.0, circle.stable, None),)
     return _counted(circle, orbit)
 
 
@@ -136,6 +140,9 @@ def _over_the_saddle(eq: ScaledEquation) -> np.ndarray | None:
 
     In time the push takes the manifold along from theta = -s arccos(1/rho) to the side of -s, s = sign(omega_B).  While
     q > 0 nothing stops it; it is caught where theta' dies away in the half turn before the next saddle.
+
+    Raises:
+        IntegrationError: the manifold cannot be followed so far.
     """
     sign, rho = float(np.sign(eq.epsilon)), max(float(eq.ratio), 1.0)
     half = float(np.arccos(1 / rho))
@@ -152,7 +159,11 @@ def _over_the_saddle(eq: ScaledEquation) -> np.ndarray | None:
 
 
 def _profile(eq: ScaledEquation, first: float, slope: float, turns: int) -> np.ndarray | None:
-    """theta' at theta = 2 pi i/128 in the last of some turns; None where theta' dies away."""
+    """theta' at theta = 2 pi i/128 in the last of some turns; None where theta' dies away.
+
+    Raises:
+        IntegrationError: neither happens.
+    """
     from scipy.integrate import solve_ivp
 
     side = float(np.sign(slope))
@@ -175,8 +186,11 @@ def _profile(eq: ScaledEquation, first: float, slope: float, turns: int) -> np.n
         rtol=1e-9,
         atol=1e-12,
     )
-    if not len(result.t_events[1]):
+    if len(result.t_events[0]):
         return None
+    # LSODA may go on with what is no number, and call that a success.
+    if not len(result.t_events[1]):
+        raise IntegrationError(float(result.t[-1]) / abs(float(eq.rate)), "the yaw motion can be followed no further")
     angles, slopes = result.sol(np.linspace(0.0, result.t[-1], 400 * turns))
     last = np.abs(angles - angles[-1]) <= 2 * np.pi
     theta = angles[last] % (2 * np.pi)
@@ -200,8 +214,7 @@ def _counted(circle: _Circle, orbit: RotatingOrbit | None) -> tuple[Attractor, .
     rotating = ~still & (np.abs(psi - before) >= np.pi)
     if orbit is None and rotating.any():
         one = int(np.flatnonzero(rotating)[0])
-        first = _profile(circle.eq, float(psi[one] + circle.eq.alpha), float(speed[one] / circle.rate), 2)
-        orbit = None if first is None else rotating_orbit(circle.eq, first)
+        orbit = _orbit_from(circle.eq, float(psi[one] + circle.eq.alpha), float(speed[one] / circle.rate))
     if orbit is None:
         rotating[:] = False
     rest = ~still & ~rotating
@@ -211,6 +224,15 @@ def _counted(circle: _Circle, orbit: RotatingOrbit | None) -> tuple[Attractor, .
         Attractor("oscillating" if circle.slowest < 0 else "unsettled", float(rest.mean()), None, None),
     ]
     return tuple(sorted((item for item in found if item.share > 0), key=lambda item: -item.share))
+
+
+def _orbit_from(eq: ScaledEquation, angle: float, slope: float) -> RotatingOrbit | None:
+    """The rotating motion that a start is near to; None where it is not found."""
+    try:
+        first = _profile(eq, angle, slope, 2)
+    except IntegrationError:
+        return None
+    return None if first is None else rotating_orbit(eq, first)
 
 
 def _start_grid(circle: _Circle) -> tuple[np.ndarray, np.ndarray, float]:

@@ -17,7 +17,7 @@ from occ.errors import InputError
 from occ.laws.base import Moment, PathKeepingLaw
 from occ.task import Solution, Start, StartClass, Task
 from occ.theory.dissipation import CircleEnergy, circle_of, energy_of
-from occ.theory.extremals import Extremal
+from occ.theory.extremals import Extremal, NoExtremal
 from occ.theory.long_run import long_run
 from occ.theory.minimum_work import minimum_work
 from occ.theory.quadrature import FINE, Well
@@ -70,7 +70,13 @@ class SlowManifold(PathKeepingLaw):
     settling: Positive = 0.05
 
     def check(self, task: Task) -> None:
+        """Refuse a task without a circle, or one that the allocation refuses.
+
+        Raises:
+            InputError: what is wrong and what would be right.
+        """
         circle_of(task)
+        super().check(task)
 
     def yaw_acceleration(self, moment: Moment) -> ca.SX:
         raise NotImplementedError("the manifold belongs to a task: solve makes it")
@@ -101,11 +107,11 @@ class SlowManifold(PathKeepingLaw):
 
 
 def _turning_way(task: Task) -> Extremal | None:
-    """The optimum of the task's horizon, if it turns."""
+    """The optimum of the task's horizon, if it is known and turns."""
     try:
         way = minimum_work(task).extremal
-    except InputError:
-        # More turns than are searched for: the horizon is long.
+    except (InputError, NoExtremal):
+        # More turns than are searched for: the horizon is long.  Where none was found the long run's manifold will do.
         return None
     return way if way is not None and len(way.places) == 3 else None
 

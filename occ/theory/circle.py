@@ -18,6 +18,8 @@ from occ.theory.coefficients import YawCoefficients
 
 CANCELLED = 1e-14
 """A sum that is smaller than this part of its terms is taken for zero."""
+CRITICAL = 1e-9
+"""A radius is the critical one within this relative distance."""
 
 
 class CircleQuantities(NamedTuple):
@@ -99,3 +101,16 @@ def circle_quantities(c: YawCoefficients, radius: np.ndarray | float, rate: np.n
     """
     (values,) = on_arrays(circle_function(), c, (radius,), (rate,))
     return CircleQuantities(*values)
+
+
+def side_of_critical(radius_ratio: np.ndarray | float) -> np.ndarray:
+    """Which side of the critical radius a circle is on, eq. (4.6).
+
+    Args:
+        radius_ratio: rho = R_B/R~_B.
+
+    Returns:
+        1 with two steady rotations, 0 with one (rho = 1 within `CRITICAL`), -1 with none.
+    """
+    above = np.asarray(radius_ratio, dtype=float) - 1
+    return np.where(np.abs(above) <= CRITICAL, 0, np.sign(above)).astype(int)

@@ -113,5 +113,7 @@ def circle_of(task: Task) -> Circle:
         InputError: it is not.
     """
     if not isinstance(task.motion, Circle):
-        raise InputError(f"motion: kind should be 'circle' for the theory of the circle, not {task.motion.kind!r}")
+        raise InputError(
+            f'motion.kind: {task.motion.kind}; should be "circle": the theory is of uniform circular motion'
+        )
     return task.motion

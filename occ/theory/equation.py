@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from occ.integration import IntegrationError
 from occ.theory.circle import circle_quantities
 from occ.theory.coefficients import YawCoefficients
 
@@ -110,6 +111,9 @@ def reduced_motion(
     Returns:
         psi~ [rad] (not wrapped) and Omega [rad/s], each (N,).
 
+    Raises:
+        IntegrationError: the motion cannot be followed to the end.
+
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.5 (DOP853).
     """
     from scipy.integrate import solve_ivp
@@ -122,4 +126,7 @@ def reduced_motion(
     result = solve_ivp(
         right_side, (0.0, float(t[-1])), start, method="DOP853", t_eval=t, rtol=tolerance, atol=tolerance
     )
+    if not result.success:
+        reached = float(result.t[-1]) if len(result.t) else 0.0
+        raise IntegrationError(reached, "the yaw motion on the circle cannot be followed any further")
     return result.y[0], result.y[1]

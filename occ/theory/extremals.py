@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from occ.errors import OccError
 from occ.theory.quadrature import COARSE, FINE, Legs, Rule, Well
 from occ.theory.roots import Bracket, closed
 from occ.theory.trigonometric import TURN, crossing, derivative, value, value_and_slope, zeros
@@ -35,6 +36,10 @@ APART = 1e-12
 """Two points on both sides of a place where a way ends to exist."""
 DECADES = np.logspace(-10, -2, 9)
 """Distances of points from a place whose way takes for ever."""
+
+
+class NoExtremal(OccError):
+    """No extremal was found although there is one: the least work is not known; the message says of which ends."""
 
 
 class Extremal(NamedTuple):

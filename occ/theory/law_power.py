@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from occ.integration import IntegrationError
 from occ.theory.attractors import Attractor, find_attractors
-from occ.theory.dissipation import CircleEnergy, energy_of
+from occ.theory.dissipation import CircleEnergy, circle_of, energy_of
 from occ.theory.equation import ScaledEquation, reduced_motion
 from occ.theory.long_run import long_run, switch_radius
 from occ.theory.orbits import rotating_means
@@ -41,7 +42,7 @@ def long_run_section(s: Setting) -> dict[str, Any]:
         ``long_run_gap_percent``; None where the law has no attractor that a mean could be taken of, and where no motion
         costs anything, so that there is neither a gap nor a radius to switch at.
     """
-    energy = energy_of(s.task.platform, s.task.point, s.task.motion)  # type: ignore[arg-type]  # a circle
+    energy = energy_of(s.task.platform, s.task.point, circle_of(s.task))
     best = long_run(energy)
     least, law, switch = float(best.mean_power), law_mean_power(s), float(switch_radius(s.c))
     return {
@@ -64,7 +65,7 @@ def law_mean_power(s: Setting) -> float | None:
     Returns:
         [W]; None where neither was found.
     """
-    energy = energy_of(s.task.platform, s.task.point, s.task.motion)  # type: ignore[arg-type]  # a circle
+    energy = energy_of(s.task.platform, s.task.point, circle_of(s.task))
     reached = _reached(s, find_attractors(s.c, s.radius, s.rate))
     if reached is None:
         return None
@@ -108,14 +109,17 @@ def _mean_power(energy: CircleEnergy, eq: ScaledEquation, means: Moments) -> np.
 
 
 def _reached(s: Setting, found: tuple[Attractor, ...]) -> Attractor | None:
-    """The attractor of the task's start: where there are several, the motion itself says which."""
+    """The attractor of the task's start: where there are several, the motion itself says which; None if it cannot."""
     if len(found) < 2:
         return found[0] if found else None
     xi_3 = float(s.c.xi_3)
     slow = abs(2 * np.pi / s.rate)
     duration = PATIENCE * max(slow, 1 / xi_3 if xi_3 > 0 else slow)
-    start = float(s.task.start.heading - s.task.motion.values()[2]), s.task.start.heading_rate
+    start = s.task.start.heading - circle_of(s.task).phase, s.task.start.heading_rate
     t = np.array([0.0, 0.9 * duration, duration])
-    psi_tilde, _ = reduced_motion(s.c, s.radius, s.rate, start, t)
+    try:
+        psi_tilde, _ = reduced_motion(s.c, s.radius, s.rate, start, t)
+    except IntegrationError:
+        return None
     turns = abs(psi_tilde[2] - psi_tilde[1]) > np.pi
     return next((item for item in found if (item.orbit is not None) == turns), None)

@@ -13,6 +13,7 @@ Where the end is free, the last jump is to the yaw rate of least kinetic energy,
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +21,7 @@ import numpy as np
 from occ.errors import InputError
 from occ.task import EndClass, Task
 from occ.theory.dissipation import CircleEnergy, circle_of, energy_of
-from occ.theory.extremals import Extremal, Problem, to_fixed_end, to_free_end
+from occ.theory.extremals import Extremal, NoExtremal, Problem, to_fixed_end, to_free_end
 from occ.theory.quadrature import COARSE, Well
 from occ.theory.trigonometric import TURN, derivative, least, value
 
@@ -66,6 +67,10 @@ def least_work_free_end(energy: CircleEnergy, start: float, start_energy: float,
 
     Returns:
         The global infimum.
+
+    Raises:
+        InputError: more turns than are searched for.
+        NoExtremal: the search found none.
     """
     rest = energy.rest_of_yaw
     if not _resists(energy):
@@ -81,7 +86,7 @@ def least_work_free_end(energy: CircleEnergy, start: float, start_energy: float,
     problem = Problem(well, start, duration)
     cells = _Cells(well, energy, duration).worth_searching(start, rest)
     found = to_free_end(problem, slope, cells)
-    winner = min(found, key=total)
+    winner = _winner(found, total, problem, "a free end")
     end_energy = float(value(rest, winner.places[-1]))
     return LeastWork(total(winner) - start_energy, winner, start_energy, end_energy, len(found))
 
@@ -100,12 +105,16 @@ def least_work_fixed_end(
 
     Returns:
         The global infimum.
+
+    Raises:
+        NoExtremal: the search found none.
     """
     change = kinetic_energies[1] - kinetic_energies[0]
     if not _resists(energy):
         return LeastWork(_idle(energy, duration) + change, None, *kinetic_energies, 0)
-    found = to_fixed_end(Problem(Well(float(energy.friction), energy.power, (start, end)), start, duration), end)
-    winner = min(found, key=lambda item: item.action)
+    problem = Problem(Well(float(energy.friction), energy.power, (start, end)), start, duration)
+    found = to_fixed_end(problem, end)
+    winner = _winner(found, lambda item: item.action, problem, f"psi~ = {end:.6g} rad")
     work = winner.action + float(_from_end_points(energy, winner.places)) + change
     return LeastWork(work, winner, *kinetic_energies, len(found), _end_force(energy, winner, kinetic_energies[1]))
 
@@ -123,6 +132,9 @@ def least_work_of_a_cycle(energy: CircleEnergy, turn: float, duration: float) ->
 
     Returns:
         The global infimum; kinetic energy cancels.
+
+    Raises:
+        NoExtremal: the search found none.
     """
     if not _resists(energy):
         return LeastWork(_idle(energy, duration), None, 0.0, 0.0, 0)
@@ -133,10 +145,25 @@ def least_work_of_a_cycle(energy: CircleEnergy, turn: float, duration: float) ->
         winner = Extremal(-well.bottom, (bottom, bottom), well.bottom * duration, duration)
         return LeastWork(winner.action, winner, 0.0, 0.0, 1)
     # From one bottom to the next the straight way is the only one that keeps its energy constant above all of U.
-    straight = [way for way in to_fixed_end(Problem(well, bottom, duration), bottom + turn) if len(way.places) == 2]
-    winner = min(straight, key=lambda item: item.action)
+    problem, end = Problem(well, bottom, duration), bottom + turn
+    straight = [way for way in to_fixed_end(problem, end) if len(way.places) == 2]
+    winner = _winner(straight, lambda item: item.action, problem, f"psi~ = {end:.6g} rad")
     work = winner.action + float(_from_end_points(energy, winner.places))
     return LeastWork(work, winner, 0.0, 0.0, len(straight), _end_force(energy, winner, 0.0))
+
+
+def _winner(found: list[Extremal], cost: Callable[[Extremal], float], problem: Problem, end: str) -> Extremal:
+    """The extremal of least cost.
+
+    Raises:
+        NoExtremal: there is none among those found.
+    """
+    if not found:
+        raise NoExtremal(
+            f"least work: no extremal was found from psi~ = {problem.start:.6g} rad to {end} in "
+            f"{problem.duration:.6g} s, although there is one; a slightly different start or duration may tell"
+        )
+    return min(found, key=cost)
 
 
 def _end_force(energy: CircleEnergy, extremal: Extremal, kinetic_energy: float) -> float:
@@ -266,6 +293,7 @@ def minimum_work(
 
     Raises:
         InputError: a motion that is not a circle, or an end that is not defined there.
+        NoExtremal: the search found none.
     """
     circle = circle_of(task)
     energy = energy_of(task.platform, task.point, circle)

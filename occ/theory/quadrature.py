@@ -119,21 +119,17 @@ class Well:
         inside = high[0] + (high[1] > self._valleys) > before
         return np.asarray(np.where(inside, self.bottoms[:, None], np.inf).min(axis=0))
 
-    def turning_point(self, h: np.ndarray, start: np.ndarray, side: np.ndarray) -> np.ndarray:
-        """The first zero of U + h on the way from `start`, where U + h is positive, to one side.
+    def way_to_turning_point(self, h: np.ndarray, start: np.ndarray, side: np.ndarray) -> np.ndarray:
+        """How far it is from `start`, where U + h is positive, to the first zero of U + h on one side.
 
         Args:
             h: (N,) [W] energy constants.
-            start: (N,) [rad].
+            start: (2, N) places.
             side: (N,) +1 or -1.
 
         Returns:
             (N,) [rad], infinite where U + h stays positive.
         """
-        return np.asarray(start + side * self.way_to_turning_point(h, self.places(start), side))
-
-    def way_to_turning_point(self, h: np.ndarray, start: np.ndarray, side: np.ndarray) -> np.ndarray:
-        """The same as a distance (N,) [rad] from places (2, N)."""
         falls = self._falls
         drop = falls.level[:, 0] - falls.level[:, 1]
         left = -h - falls.level[:, 1, None]

@@ -115,27 +115,6 @@ def damping_rate(c: YawCoefficients) -> np.ndarray:
     return np.divide(-constant, growth, out=np.full(constant.shape, np.inf), where=growth != 0)
 
 
-def widest_critical_radius(c: YawCoefficients) -> tuple[np.ndarray, np.ndarray]:
-    """The rate at which R~_B is largest, and that radius: the vertex of the parabola (xi_3/R~_B)^2 in omega_B.
-
-    omega_B = -(xi_1 kappa_22 - xi_2 kappa_21)/(kappa_21^2 + kappa_22^2), R~_B = xi_3 hypot(kappa_21, kappa_22) /
-    |xi_1 kappa_21 + xi_2 kappa_22|.
-
-    Args:
-        c: numbers or arrays.
-
-    Returns:
-        omega_B [rad/s] and R~_B [m]; infinite at a point (4.20), NaN where the radius does not depend on the rate.
-    """
-    gyroscopic = np.asarray(np.hypot(c.kappa_21, c.kappa_22), dtype=float)
-    across = np.asarray(np.abs(c.xi_1 * c.kappa_21 + c.xi_2 * c.kappa_22), dtype=float)
-    along = np.asarray(c.xi_1 * c.kappa_22 - c.xi_2 * c.kappa_21, dtype=float)
-    depends = gyroscopic > 0
-    rate = np.divide(-along, gyroscopic**2, out=np.full(gyroscopic.shape, np.nan), where=depends)
-    radius = np.divide(c.xi_3 * gyroscopic, across, out=np.full(gyroscopic.shape, np.inf), where=across > 0)
-    return rate, np.where(depends, radius, np.nan)
-
-
 @cache
 def _drive_function(wheel_count: int) -> ca.Function:
     """J_a (xi_1 + kappa_22 omega_B, xi_2 - kappa_21 omega_B) of point, parameters and rate, and its Jacobian."""

@@ -11,13 +11,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from occ.errors import InputError
-from occ.motion import Circle
 from occ.task import Task
 from occ.theory.asymptotics import HIGHEST_ORDER, asymptotic_period
-from occ.theory.attractors import CRITICAL, Attractor, find_attractors
-from occ.theory.circle import CircleQuantities, circle_quantities
+from occ.theory.attractors import Attractor, find_attractors
+from occ.theory.circle import CircleQuantities, circle_quantities, side_of_critical
 from occ.theory.coefficients import YawCoefficients, yaw_coefficients
+from occ.theory.dissipation import circle_of
 from occ.theory.equation import ScaledEquation, scaled_equation, yaw_acceleration
 from occ.theory.law_power import long_run_section
 from occ.theory.orbits import Orbits, one_turn, rotating_orbit
@@ -41,10 +40,7 @@ class Setting(NamedTuple):
     @property
     def regime(self) -> str:
         """Existence of steady rotations: ``steady``, ``critical`` or ``rotational``, eq. (4.6)."""
-        ratio = float(self.q.radius_ratio)
-        if abs(ratio - 1) <= CRITICAL:
-            return "critical"
-        return "steady" if ratio > 1 else "rotational"
+        return ("rotational", "critical", "steady")[int(side_of_critical(self.q.radius_ratio)) + 1]
 
 
 def circle_setting(task: Task) -> Setting:
@@ -59,9 +55,7 @@ def circle_setting(task: Task) -> Setting:
     Raises:
         InputError: another motion.
     """
-    motion = task.motion
-    if not isinstance(motion, Circle):
-        raise InputError(f'motion.kind: {motion.kind}; should be "circle": the theory is of uniform circular motion')
+    motion = circle_of(task)
     c = yaw_coefficients(task.platform, task.point)
     q = circle_quantities(c, motion.radius, motion.rate)
     eq = scaled_equation(c, motion.radius, motion.rate)

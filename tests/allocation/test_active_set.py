@@ -9,6 +9,7 @@ import pytest
 
 from occ.allocation import LEAST_NORM, ElectricPower, InputMap, TorqueRange, allocate, input_map
 from occ.allocation.allocator import solve
+from occ.allocation.ranges import NO_LIMIT
 from occ.allocation.reference import Reference
 from occ.allocation.residuals import certified
 from occ.allocation.result import Question, question
@@ -110,6 +111,29 @@ def test_every_sample_is_solved_and_proven(sets: int, kind: Callable[..., Questi
             proof = certified(asked.of(good), found.torque[:, good])
             assert proof.prove.all(), (seed, count, proof.largest.max())
     assert reached > 0.4 * 5 * sets * SAMPLES
+
+
+def test_a_wheel_that_only_rounding_moves_does_not_push_for_ever() -> None:
+    # Two pairs of parallel wheels leave the fifth no null torque but 1e-13 of one, and here it is at its limit.
+    asked = ask(42, 5, LOSSES[2], border_of_reach)
+    share = np.abs(asked.wheels.null_torque).max(axis=1).min()
+    assert 0.0 < share < 1e-12
+    found = solve(asked)
+    assert found.reachable.all()
+    assert not found.failed.any()
+    assert certified(asked, found.torque).prove.all()
+
+
+def test_a_wheel_without_a_limit_that_only_rounding_loads_does_not_bring_a_wrench_into_reach() -> None:
+    # The third wheel's torque is the wrench's own, and its range is another point; wheels 2 and 4, which are parallel,
+    # have no limit at all.
+    asked = ask(27, 5, LOSSES[2], unlike_ranges)
+    least, most = (bound[2, 1] for bound in asked.bounds)
+    assert least == most != pytest.approx(asked.min_norm[2, 1], rel=0.1)
+    assert (asked.bounds[1][[1, 3], 1] == NO_LIMIT).all()
+    found = solve(asked)
+    assert not found.reachable[1]
+    assert not found.failed.any()
 
 
 @pytest.mark.parametrize("kind", [box, corners_of_the_box])

@@ -11,20 +11,25 @@ import numpy as np
 import pytest
 import xarray as xr
 
+from occ.atlas import motion
 from occ.atlas import run as atlas_run
 from occ.atlas.columns import Columns
 from occ.atlas.dataset import read_atlas, read_failures, write_atlas, write_failures
 from occ.atlas.grid import Grid, load_grid
+from occ.atlas.least_work import law_work
+from occ.atlas.long_run import long_run_columns
 from occ.atlas.run import Block, Comparison, Failure, Found, make_atlas
 from occ.atlas.variables import REGIMES
 from occ.errors import InputError
 from occ.experiment.child import Lost
 from occ.experiment.load import load_experiment
 from occ.experiment.pool import Engine
+from occ.theory.circle import circle_quantities
 from occ.theory.coefficients import yaw_coefficients
 from occ.theory.dissipation import energy_of
-from occ.theory.equation import reduced_motion
+from occ.theory.equation import reduced_motion, yaw_acceleration
 from occ.theory.minimum_work import minimum_work
+from occ.theory.summary import circle_setting
 from tests.atlas import SWEEP, atlas_text, made
 from tests.experiment.conftest import Occ, Write, occ, write
 
@@ -122,6 +127,25 @@ def test_regimes_are_what_they_say(write: Write, tmp_path: Path) -> None:
     assert np.all(np.isnan(data["period_s"].values) == (ratio > 1))
     # No rotation strategy, the law's own in particular, is below the least mean power.
     assert np.all(data["long_run_gap_percent"].values > -1e-9)
+
+
+@pytest.mark.parametrize("rate", [-0.4, 0.4])
+def test_the_critical_radius_is_that_of_occ_circle(write: Write, rate: float) -> None:
+    """Up to rounding, from both sides, with the power of its one steady rotation."""
+    path = write(atlas_text(f'"motion.rate" = [{rate}]\n"motion.radius" = [0.6, 0.7]\n'))
+    one = load_grid(path).points(0, 1)
+    critical = float(circle_quantities(one.coefficients, one.radius, one.rate).critical_radius[0])
+    radii = [critical * (1 + offset) for offset in (-1e-8, -5e-10, 0.0, 5e-10, 1e-8)]
+    path = write(atlas_text(f'"motion.rate" = [{rate}]\n"motion.radius" = {radii}\n'))
+    columns, reasons = long_run_columns(load_grid(path).points(0, 5))
+    assert reasons == []
+    said = [circle_setting(case.task()).regime for case in load_experiment(path).cases]
+    assert said == ["rotational", "critical", "critical", "critical", "steady"]
+    assert [REGIMES[i] for i in columns["regime"]] == said
+    assert [REGIMES[i] for i in columns["law_regime"]] == said
+    np.testing.assert_allclose(columns["stable_psi_tilde_rad"][1:4], columns["stable_psi_tilde_rad"][2], atol=1e-14)
+    np.testing.assert_allclose(columns["law_mean_power_W"][1:4], columns["law_mean_power_W"][2], rtol=1e-8)
+    assert columns["law_mean_power_W"][4] == pytest.approx(columns["law_mean_power_W"][2], rel=1e-3)
 
 
 def test_file_has_units_provenance_and_the_same_values(write: Write, tmp_path: Path) -> None:
@@ -241,6 +265,27 @@ def test_bad_input_is_one_line_and_nothing_is_written(
     assert not (tmp_path / "out").exists()
 
 
+def test_comparison_loses_only_the_controllers_that_are_lost_alone(write: Write, tmp_path: Path) -> None:
+    class Losing(Engine):
+        def each(self, function: Any, items: Any) -> Any:
+            items = list(items)
+            for number, outcome in super().each(function, items):
+                gone = isinstance(items[number], Comparison) or getattr(items[number], "controller", "") == "servo law"
+                yield number, Lost("ended by a test") if gone else outcome
+
+    path = write(atlas_text('"motion.radius" = [0.6, 0.7]\n', "comparison"))
+    grid = load_grid(path)
+    found = make_atlas(path, grid, tmp_path / "out", Losing())
+    assert [(item.point, item.controller, item.message) for item in found.failures] == [
+        (point, "servo law", "ended by a test") for point in range(2)
+    ]
+    again = make_atlas(path, grid, tmp_path / "out", Engine())
+    assert again.failures == []
+    law = load_experiment(path).cases[0].controllers.index("servo law")
+    for name, values in again.rows.items():
+        np.testing.assert_array_equal(np.delete(found.rows[name], law, 1), np.delete(values, law, 1), name)
+
+
 def test_other_motions_are_refused(write: Write, tmp_path: Path) -> None:
     text = atlas_text('"point.x" = [0.3, 0.4]\n').replace(
         'kind = "circle"\nradius = 0.70', 'kind = "ellipse"\nsemi_axes = [0.7, 0.5]'
@@ -304,3 +349,49 @@ def test_with_weak_friction_the_start_decides_what_becomes_of_the_law(write: Wri
     angle, yaw_rate = reduced_motion(c, task.motion.radius, -0.4, (-math.pi / 2, 0.0), t)
     power = energy_of(task.platform, task.point, task.motion).dissipation(angle[1:], yaw_rate[1:])
     assert float(rotating["law_mean_power_W"]) == pytest.approx(float(power[:-1].mean()), rel=1e-7)
+
+
+def test_a_motion_that_stops_the_integrator_stands_alone(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The others are what they are without it, and nobody says that it is steady."""
+    text = atlas_text('"motion.radius" = [0.38, 0.42]\n"start.heading_rate" = [0.0, -0.5]\n')
+    text = text.replace('preset = "youbot"', 'preset = "youbot"\nfriction_scale = 0.02')
+    points = load_grid(write(text)).points(0, 4)
+    stuck = np.flatnonzero(points.radius == 0.42)
+    others = np.delete(np.arange(len(points)), stuck)
+    columns, reasons = long_run_columns(points)
+    law, more = law_work(points.coefficients, points)
+    assert reasons == more == []
+    assert {REGIMES[i] for i in columns["law_regime"]} == {"steady", "rotational"}
+
+    def stopping(c: Any, radius: Any, rate: Any, psi_tilde: np.ndarray, yaw_rate: np.ndarray) -> np.ndarray:
+        away = np.abs(psi_tilde - points.psi_tilde[0]) > 0.1
+        return np.where((radius == 0.42) & away, np.nan, yaw_acceleration(c, radius, rate, psi_tilde, yaw_rate))
+
+    monkeypatch.setattr(motion, "yaw_acceleration", stopping)
+    found, reasons = long_run_columns(points)
+    work, more = law_work(points.coefficients, points)
+    assert [i for i, _ in reasons] == [i for i, _ in more] == list(stuck)
+    for _, reason in (*reasons, *more):
+        assert "cannot be followed for" in reason
+        assert "no step of the integrator is short enough" in reason
+        assert "physical range" not in reason
+    assert {REGIMES[i] for i in found["law_regime"][stuck]} == {""}
+    assert np.all(np.isnan(found["law_mean_power_W"][stuck]))
+    assert np.all(np.isnan(work[stuck]))
+    np.testing.assert_array_equal(found["law_regime"][others], columns["law_regime"][others])
+    np.testing.assert_allclose(found["law_mean_power_W"][others], columns["law_mean_power_W"][others], rtol=1e-12)
+    np.testing.assert_allclose(work[others], law[others], rtol=1e-9)
+
+
+def test_a_motion_that_leaves_says_so_and_stops_no_other(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+    points = load_grid(write(atlas_text('"motion.radius" = [0.4, 0.41, 0.42]\n', "least_work"))).points(0, 3)
+    law, none = law_work(points.coefficients, points)
+
+    def pushed(c: Any, radius: Any, rate: Any, psi_tilde: np.ndarray, yaw_rate: np.ndarray) -> np.ndarray:
+        return yaw_acceleration(c, radius, rate, psi_tilde, yaw_rate) + np.where(radius == 0.41, 1e7, 0.0)
+
+    monkeypatch.setattr(motion, "yaw_acceleration", pushed)
+    work, reasons = law_work(points.coefficients, points)
+    assert none == []
+    assert reasons == [(1, "the law's yaw rate leaves every physical range: it passes 10000 rad/s")]
+    np.testing.assert_allclose(work[[0, 2]], law[[0, 2]], rtol=1e-9)

@@ -62,6 +62,20 @@ def test_published_gaps_are_in_the_committed_atlas() -> None:
     assert np.isfinite(data).all()
 
 
+def test_what_the_readme_says_of_the_other_direction_is_in_the_committed_atlas() -> None:
+    text = " ".join((ROOT / "README.md").read_text().split())
+    (sentence,) = re.findall(r"Driven the other way round .* wastes mostly (\d+) to (\d+) %", text)
+    low, high = map(float, sentence)
+    data = read_atlas(ROOT / "reports" / "atlas_circle")
+    other_way = (data["motion.rate"] > 0) & (data["law_regime"] == "steady")
+    gaps = data["long_run_gap_percent"].values[other_way.values]
+    assert gaps.max() <= high
+    # "Mostly": all but one in twenty, and neither end is far from where they are.
+    assert np.quantile(gaps, 0.05) >= low
+    assert gaps.max() > high - 1
+    assert np.quantile(gaps, 0.05) < low + 5
+
+
 def test_the_comparison_has_four_hundred_cases_and_says_why_rows_are_missing() -> None:
     folder = ROOT / "reports" / "atlas_comparison"
     data = read_atlas(folder)

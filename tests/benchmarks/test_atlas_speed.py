@@ -80,7 +80,7 @@ def test_every_column_of_the_long_run(benchmark: BenchmarkFixture) -> None:
     points = Points(
         4, youbot().parameters()[None], zero.astype(int), point, radius, rate, zero, zero, zero, zero + 10.0
     )
-    columns = benchmark.pedantic(long_run_columns, (points,), rounds=1)
+    columns, _ = benchmark.pedantic(long_run_columns, (points,), rounds=1)
     assert columns["law_torque_Nm"][0] == pytest.approx(1.22530952523)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from functools import cache
 
@@ -198,8 +199,19 @@ def test_tasks_with_several_good_ways_close(seed: int) -> None:
     assert certificate.lower <= certificate.upper + 1e-12 * abs(certificate.upper)
 
 
+def test_what_is_proven_does_not_hang_on_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whether the number of families is enough or not: a slow machine proves the same."""
+    few = certify_work(random_task(1), families=20)
+    assert (few.word, few.reason) == ("unresolved", "no better proof by 20 families of motions")
+    found = certify_work(random_task(1))
+    clock = itertools.count(step=1000.0)
+    monkeypatch.setattr("time.process_time", lambda: next(clock))
+    again = certify_work(random_task(1))
+    assert (again.word, again.lower, again.reason) == ("certified", found.lower, "")
+
+
 def test_what_stays_open_is_an_interval() -> None:
-    certificate = certify_work(random_task(1), budget=0.0)
+    certificate = certify_work(random_task(1), families=0)
     assert certificate.word == "unresolved"
     assert certificate.lower < certificate.upper
     assert str(certificate).startswith("unresolved: between")

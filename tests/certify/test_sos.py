@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from functools import cache
 from typing import cast
@@ -22,7 +23,7 @@ from occ.certify.proofs import SquaresProof, TurnsProof
 from occ.certify.running import Cost, inequality, running_costs, scales_of
 from occ.certify.series import Series
 from occ.certify.sos import Degree, propose
-from occ.certify.squares import BITS, _attempt, certify_squares, check_squares
+from occ.certify.squares import BITS, DEGREES, _attempt, _Effort, certify_squares, check_squares
 from occ.model.coefficients import coefficients, unpack
 from occ.model.platform import Platform
 from occ.model.presets import YouBot
@@ -106,8 +107,20 @@ def test_second_solver_proves_it_as_well(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_without_friction_nothing_is_proven_and_nothing_breaks() -> None:
     task = paper_task(platform=YouBot(wheel_friction=0.0, roller_friction=0.0).platform())
-    assert certify_squares(task, "work", budget=0.1).lower == -np.inf
-    assert "nothing costs" in str(certify_endless(task, "work", budget=0.1))
+    assert certify_squares(task, "work", effort=1).lower == -np.inf
+    assert "nothing costs" in str(certify_endless(task, "work", effort=1))
+
+
+def test_what_is_proven_does_not_hang_on_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the effort ends is a matter of counts: a slow machine proves the same."""
+    found = certify_squares(paper_task(), "work", effort=30_000)
+    assert found.reason.endswith("the effort allowed is spent")
+    assert found.degree == DEGREES[1]
+    clock = itertools.count(step=1000.0)
+    monkeypatch.setattr("time.process_time", lambda: next(clock))
+    again = certify_squares(paper_task(), "work", effort=30_000)
+    assert (again.lower, again.degree, again.reason) == (found.lower, found.degree, found.reason)
+    assert again.seconds > 100 * found.seconds
 
 
 def test_steady_cycle_with_degree_two() -> None:
@@ -139,7 +152,7 @@ def test_bounds_of_random_tasks_are_below_the_least_work(seed: int) -> None:
 def test_bounds_of_more_random_tasks(seed: int) -> None:
     task = random_task(seed)
     least = minimum_work(task).work
-    certificate = certify_squares(task, "work", upper=least, budget=1.0)
+    certificate = certify_squares(task, "work", upper=least, effort=50_000)
     assert certificate.lower <= least + 1e-12 * abs(least)
     assert certificate.gap < 0.2
     assert str(certificate).startswith(certificate.word)
@@ -151,8 +164,8 @@ def test_return_to_the_start_by_its_turns() -> None:
     least = minimum_work(task, "periodic").work
     with flint.ctx.workprec(BITS):
         problem = inequality(task, "work", Ends("periodic"))
-        whole, _ = _attempt(problem, degree, np.inf, None)
-        bound, proof = _attempt(problem, degree, np.inf, -1)
+        whole, _ = _attempt(problem, degree, _Effort(0), None)
+        bound, proof = _attempt(problem, degree, _Effort(0), -1)
     assert isinstance(proof, TurnsProof)
     assert whole + 20 < bound <= least * (1 + 1e-12)
     assert check_squares(problem, proof, bound) == bound
@@ -202,7 +215,7 @@ def test_long_run_with_a_turning_motion() -> None:
 
 def test_long_run_of_a_turning_motion_with_torques_that_count() -> None:
     # No closed form here: what the motion costs and what is proven meet, whatever either of them is.
-    found = certify_endless(paper_task(radius=0.3), "torque_squared", budget=3.0)
+    found = certify_endless(paper_task(radius=0.3), "torque_squared")
     assert found.cycle.turns
     assert 0 <= found.certificate.gap < 1e-5
 

@@ -268,6 +268,12 @@ def test_list_names_every_export_and_every_objective(occ: Run) -> None:
     assert {f"integrand_{item.name}" for item in OBJECTIVES.values() if not item.largest} <= set(EXPORTS)
 
 
+def test_the_help_names_every_language(occ: Run) -> None:
+    # The command line loads nothing heavy to say what there is, so that it has the names by itself.
+    text = " ".join(occ("export", "--help").stdout.split())
+    assert f"{', '.join(LANGUAGES)}; several at once." in text
+
+
 def test_the_catalogue_has_equations_sources_and_distinct_names() -> None:
     for export_ in EXPORTS.values():
         assert all([export_.meaning, export_.equation, export_.source])

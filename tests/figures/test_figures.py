@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from occ.figures.comparison import Motions, plan, write_figures
 from occ.figures.floor import path_figure
-from occ.figures.over_time import cost_figure, force_figure, heading_figure, visible_range
+from occ.figures.over_time import cost_figure, force_figure, heading_figure, plain_number, visible_range
 from occ.figures.style import COLOURS, DASHES, controller_line, label, look, style
 from occ.figures.sweep import front_figure, gap_figure, value_figure
 from occ.objectives import OBJECTIVES, objective
@@ -148,8 +148,49 @@ def test_a_short_peak_is_cut_and_told(motions: Motions) -> None:
     *_, calm, spiky = force_figure(motions).axes
     assert spiky.get_ylim()[1] < 3
     assert calm.get_ylim() == spiky.get_ylim()
-    assert [note.get_text() for note in spiky.texts] == ["leaves this scale: peak 500 N m at t = 0 s"]
+    assert [note.get_text() for note in spiky.texts] == ["M_1 leaves this scale: 500 N m at t = 0 s"]
     assert not calm.texts
+
+
+def test_the_curve_that_leaves_the_scale_is_told_and_not_a_larger_one_that_stays() -> None:
+    # The yaw moment leaves the scale downwards for an instant, while F_X, which is larger, stays within it.
+    t = np.unique(np.concatenate([np.linspace(0, 10, 101), np.linspace(0, 0.01, 200)]))
+    force, jump = 125 - 25 * np.cos(t), np.where(t < 0.005, 20.0, 110.0)
+    data = {"time": t, "force_x": force, "force_y": 0 * t + 120, "yaw_moment": jump, "torque": np.zeros((4, len(t)))}
+    left, _ = force_figure({"law": (0, Motion(data, {}))}).axes
+    assert [note.get_text() for note in left.texts] == ["M_Ω leaves this scale: 20 N m at t = 0 s"]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(8612.4, "8612"), (-359863.2, "-359863"), (6.8912, "6.891"), (2e9, "2e+09")]
+)
+def test_a_peak_is_a_plain_number(value: float, text: str) -> None:
+    assert plain_number(value) == text
+
+
+def inside(figure: Any, item: Any) -> bool:
+    """Whether an artist lies within its figure."""
+    box, page = item.get_window_extent(), figure.bbox
+    return bool(page.x0 <= box.x0 and box.x1 <= page.x1 and page.y0 <= box.y0 and box.y1 <= page.y1)
+
+
+@pytest.mark.parametrize("keys", [1, 6])
+def test_a_title_stays_within_its_figure(motions: Motions, keys: int) -> None:
+    where = "".join(f",controller.between.weights.torque_squared={k}" for k in range(keys))
+    for figure in (force_figure(motions, where), heading_figure(motions, where), path_figure(motions, where)):
+        (title,) = figure.texts
+        assert inside(figure, title), title.get_text()
+        assert title.get_text().replace("\n", "").endswith(("…", where[-20:]))
+        assert title.get_window_extent().y0 > max(panel.bbox.y1 for panel in figure.axes)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_the_legend_of_the_paths_hides_no_axis(motions: Motions, count: int) -> None:
+    figure = path_figure(dict(list(motions.items())[:count]))
+    (legend,) = figure.legends
+    figure.canvas.draw()
+    assert inside(figure, legend)
+    assert legend.get_window_extent().y1 < min(panel.get_tightbbox().y0 for panel in figure.axes)
 
 
 def test_the_range_without_a_short_peak() -> None:
@@ -310,6 +351,25 @@ def test_the_value_over_a_swept_key_is_the_stored_one(tmp_path: Path) -> None:
     assert panel.get_ylabel() == "work [J]"
 
 
+def test_curves_of_another_swept_key_are_told_apart(tmp_path: Path) -> None:
+    limits = (0.8, 1.2)
+    rows = [
+        row("law", 80.0 + i + limit, case=f"{i} {limit}", **{"motion.radius": i, "limits.torque": limit})
+        for i in range(3)
+        for limit in limits
+    ]
+    figure = value_figure(load(store(tmp_path, rows)), objective("work"), "motion.radius")
+    assert figure is not None
+    (panel,) = figure.axes
+    for line, limit in zip(panel.get_lines(), limits, strict=True):
+        np.testing.assert_array_equal(line.get_ydata(), 80.0 + np.arange(3) + limit)
+    legend = panel.get_legend()
+    markers = {str(line.get_label()): line.get_marker() for line in legend.get_lines()}
+    assert markers["limits.torque=0.8"] == panel.get_lines()[0].get_marker()
+    assert markers["limits.torque=1.2"] == panel.get_lines()[1].get_marker()
+    assert markers["limits.torque=0.8"] != markers["limits.torque=1.2"]
+
+
 def test_a_swept_weight_gives_a_front_with_the_law_beside_it(tmp_path: Path) -> None:
     key = "controller.between.weights.work"
     weights, torques = [1.0, 2.0, 4.0], [9.0, 8.0, 7.5]
@@ -329,6 +389,8 @@ def test_a_swept_weight_gives_a_front_with_the_law_beside_it(tmp_path: Path) -> 
     np.testing.assert_array_equal(lines["between"].get_xdata(), [71.0, 72.0, 74.0])
     np.testing.assert_array_equal(lines["between"].get_ydata(), torques)
     assert len(lines["law"].get_xdata()) == 1
+    # The weights stand beside their points, and none upon another.
+    assert [text.get_text() for text in panel.texts[:3]] == ["1", "2", "4"]
     # What is far beyond the front is said and not drawn.
     assert any("spiky" in text.get_text() and "1e+06" in text.get_text() for text in panel.texts)
     assert panel.get_xlabel().startswith("work [J]")

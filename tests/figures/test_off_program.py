@@ -33,3 +33,6 @@ def test_distance_over_time() -> None:
     for line, error in list(zip(panel.lines, errors.values(), strict=True))[:2]:
         np.testing.assert_allclose(line.get_ydata(), error, atol=1e-15)
     assert panel.get_ylim()[0] > max(panel.lines[2].get_ydata())
+    assert panel.yaxis.get_major_formatter().format_ticks([1e-8, 1e-4, 0.1, 1.0, 10.0]) == [
+        "10⁻⁸", "10⁻⁴", "10⁻¹", "1", "10",
+    ]  # fmt: skip

@@ -196,7 +196,21 @@ class TestOwnLaw:
         task = paper_task()
         record = judge(task, Runaway().solve(task))
         assert record.status is Status.UNSTABLE
-        assert "rad/s" in record.message
+        assert "passes 10000 rad/s" in record.message
+
+    def test_that_jumps_back_and_forth_says_so(self) -> None:
+        class Sliding(PathKeepingLaw):
+            """On Omega = 0 both sides push towards it: the equation has no solution in the usual sense."""
+
+            kind = "sliding"
+
+            def yaw_acceleration(self, moment: Moment) -> ca.SX:
+                return -1e3 * ca.sign(moment.yaw_rate - 0.1)
+
+        task = paper_task()
+        record = judge(task, Sliding().solve(task))
+        assert record.status is Status.UNSTABLE
+        assert record.message.startswith("the step of the integrator shrinks to nothing at t = 0.0001")
 
 
 class TestPrescribedRotation:

@@ -7,12 +7,16 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+from scipy.optimize import OptimizeResult
 from typer.testing import CliRunner
 
 from occ.cli import app
+from occ.integration import IntegrationError
 from occ.model.presets import YouBot
 from occ.paper.audit import COLUMNS, audit_numbers
+from occ.paper.degenerate_formulas import degenerate_checks
 from occ.paper.formula import Check, Judgement
 from occ.paper.model_formulas import model_checks
 from occ.paper.printed import PARAMETERS, Printed
@@ -175,3 +179,12 @@ def test_a_folder_that_cannot_be_written(tmp_path: Path) -> None:
     assert result.exit_code == 2
     assert len(result.output.splitlines()) == 1
     assert "cannot be written" in result.output
+
+
+def test_an_integration_that_stops_is_no_check(monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(*_: object, **__: object) -> OptimizeResult:
+        return OptimizeResult(success=False, t=np.zeros(0), y=np.zeros((1, 0)))
+
+    monkeypatch.setattr("scipy.integrate.solve_ivp", stopped)
+    with pytest.raises(IntegrationError, match="degenerate equation cannot be followed any further at t = 0 s"):
+        degenerate_checks()

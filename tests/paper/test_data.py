@@ -9,14 +9,17 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pandas as pd
 import pytest
 
+from occ.errors import OccError
+from occ.laws import Moment, PathKeepingLaw
 from occ.model.presets import YouBot
 from occ.paper.circle_formulas import CircleTruth
 from occ.paper.data import FIGURES
-from occ.paper.motions import Run, simulate
+from occ.paper.motions import Run, replay_of, simulate
 from occ.paper.portraits import equilibrium_type
 from occ.paper.rotation import RATIOS, asymptotic_resonance, full_resonance, orbit_at
 
@@ -177,8 +180,9 @@ def test_fig_6_measures_against_the_curves_and_the_formulas(committed: Table) ->
 def test_the_full_model_returns_after_the_period_of_the_boundary_value_problem(radius: float) -> None:
     orbit = orbit_at(radius)
     period = float(orbit.orbit.period)
-    start = {"psi_tilde": float(orbit.psi_tilde[0]), "yaw_rate": float(orbit.yaw_rate[0])}
-    motion = simulate(Run(radius=radius, duration=period, **start), np.linspace(0, period, 501))  # type: ignore[arg-type]
+    start, rate = float(orbit.psi_tilde[0]), float(orbit.yaw_rate[0])
+    run = Run(radius=radius, duration=period, psi_tilde=start, yaw_rate=rate)
+    motion = simulate(run, np.linspace(0, period, 501))
     assert motion.psi_tilde[-1] - motion.psi_tilde[0] == pytest.approx(2 * np.pi, abs=1e-8)
     assert motion.samples.state[5, -1] == pytest.approx(motion.samples.state[5, 0], abs=1e-8)
     mean = (motion.samples.state[2, -1] - motion.samples.state[2, 0]) / period
@@ -236,3 +240,14 @@ def test_fig_10_works_are_the_published_ones(committed: Table, printed: Callable
         np.testing.assert_allclose(table[column], lap / LAP * table.index, rtol=1e-7)
     np.testing.assert_allclose(table["turning_best_J"], 12.3827824586 * table.index, rtol=1e-7)
     assert table["best_heading_rad"].iloc[0] == printed("1.1488")
+
+
+def test_a_law_that_runs_away_is_said_in_words() -> None:
+    class Runaway(PathKeepingLaw):
+        kind = "runaway"
+
+        def yaw_acceleration(self, moment: Moment) -> ca.SX:
+            return 40.0 * moment.yaw_rate + 1.0
+
+    with pytest.raises(OccError, match=r"^runaway: the yaw rate passes 10000 rad/s"):
+        replay_of(Run(radius=0.7, duration=5.0).task, Runaway())

@@ -8,6 +8,7 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 import pytest
+from scipy import integrate
 
 from occ.control import PythonControl
 from occ.errors import Status
@@ -258,3 +259,20 @@ class TestReferences:
         claimed = ServoLaw().solve(task).claimed
         assert claimed is not None
         np.testing.assert_allclose(servo_end_state(task), claimed.state[:, -1], atol=1e-8)
+
+    def test_that_is_not_reached_is_said(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def halfway(function: Callable[..., object], span: tuple[float, float], *arguments: object, **more: object):
+            outcome = original(function, (span[0], span[1] / 2), *arguments, **more)
+            outcome.success = False
+            return outcome
+
+        task = paper_task(start=Start(heading=0.987))
+        solution = replace(ServoLaw().solve(task), claim=Claim(end="law"))
+        original = integrate.solve_ivp
+        monkeypatch.setattr(integrate, "solve_ivp", halfway)
+        record = judge(task, solution)
+        assert record.status is Status.FAILED
+        assert "end state to be compared with is not known" in record.message
+        assert f"at t = {LAP / 2:.6g} s" in record.message
+        monkeypatch.undo()
+        assert judge(task, solution).status is Status.OK

@@ -11,7 +11,7 @@ from occ.figures.comparison import drawn
 from occ.referee import LABELS, MEASURES
 from occ.report.report import write_report
 from occ.report.stored import load
-from tests.report.synthetic import row, store
+from tests.report.synthetic import motion, row, store
 
 ROWS = [
     row("law", 100.0),
@@ -239,12 +239,31 @@ def test_a_folder_without_results_is_refused(tmp_path: Path, content: str | None
     assert not (tmp_path / "report.md").exists()
 
 
-@pytest.mark.parametrize("content", ["{", "[]", json.dumps({"cases": {}})])
+@pytest.mark.parametrize("content", ["{", "[]", json.dumps({"cases": {}}), '{"experiment": {}, "cases": null}'])
 def test_a_broken_record_of_the_run_is_refused(tmp_path: Path, content: str) -> None:
     folder = store(tmp_path, ROWS)
     (folder / "run.json").write_text(content)
     with pytest.raises(InputError, match="run"):
         load(folder)
+
+
+def test_a_table_that_was_cut_or_changed_is_refused(tmp_path: Path) -> None:
+    table = store(tmp_path, ROWS) / "results.csv"
+    whole = table.read_text()
+    table.write_text(whole[: whole.rindex(",lost,") + 20])
+    with pytest.raises(InputError, match=rf"row {len(ROWS)} is not as long"):
+        load(tmp_path)
+    table.write_text(whole.replace(",crashed,", ",craashed,"))
+    with pytest.raises(InputError, match='status "craashed" is none; should be one of ok'):
+        load(tmp_path)
+
+
+def test_a_broken_trajectory_is_named(tmp_path: Path) -> None:
+    folder = store(tmp_path, ROWS, {("base", "law"): motion()})
+    assert load(folder).motion("base", "law") is not None
+    (folder / "trajectories" / "base@law.nc").write_bytes(b"half a file")
+    with pytest.raises(InputError, match=r"base@law\.nc: not a stored trajectory"):
+        load(folder).motion("base", "law")
 
 
 def test_the_long_run_is_told_once_for_each_circle(tmp_path: Path) -> None:

@@ -19,7 +19,9 @@ from occ.report.tables import (
     latex_text,
     markdown,
     markdown_text,
+    parts,
     peak,
+    plain_lines,
     residual,
     terminal,
 )
@@ -146,8 +148,71 @@ def test_terminal_shows_every_cell_as_it_is() -> None:
     console = Console(width=200, record=True, file=io.StringIO())
     console.print(terminal(TABLE))
     shown = console.export_text()
-    for cell in ("Work & torque", "torque squared [N² m² s]", "a_b | c", "[x] 50 %", "failed", "-1.5"):
+    for cell in (
+        "Work & torque",
+        "controller",
+        " torque ",
+        " squared ",
+        "[N² m² s]",
+        "a_b | c",
+        "[x] 50 %",
+        "failed",
+        "-1.5",
+    ):
         assert cell in shown
+
+
+def lines(table: Table) -> list[str]:
+    """As a terminal without an end on the right shows it."""
+    console = Console(file=io.StringIO(), width=1000)
+    console.print(terminal(table))
+    assert isinstance(console.file, io.StringIO)
+    return [line.rstrip() for line in console.file.getvalue().splitlines()]
+
+
+ANSWER = Table(
+    "base",
+    (
+        Column("case"),
+        Column("controller"),
+        Column("status"),
+        *(Column(f"{name} squared above bound", "N² m² s", numeric=True) for name in ("torque", "work", "speed")),
+    ),
+    (("one lap", "servo law", "ok", "31.2480", "– (none)", "1.230"), ("one lap", "min work", "ok", "9.5", "–", "90")),
+)
+
+
+@pytest.mark.parametrize("room", [45, 60, 200])
+def test_a_narrow_terminal_gets_the_table_in_pieces(room: int) -> None:
+    pieces = parts(ANSWER, room)
+    assert len(pieces) > 1 or room == 200
+    assert max(len(line) for piece in pieces for line in lines(piece)) <= room
+    # Every piece names its rows, and together they have every column once.
+    assert all([column.heading for column in piece.columns[:2]] == ["case", "controller"] for piece in pieces)
+    assert [column for piece in pieces for column in piece.columns[2:]] == list(ANSWER.columns[2:])
+    assert [cell for piece in pieces for cell in piece.rows[1][2:]] == list(ANSWER.rows[1][2:])
+
+
+def test_a_column_that_is_too_wide_alone_has_a_piece_of_its_own() -> None:
+    assert [len(piece.columns) for piece in parts(ANSWER, 10)] == [3] * 4
+
+
+def test_a_heading_is_broken_and_its_unit_is_not() -> None:
+    shown = lines(ANSWER)
+    assert any("[N² m² s]" in line for line in shown)
+    assert max(map(len, shown)) < 100
+
+
+def test_plain_columns_are_as_wide_as_their_widest_cell() -> None:
+    columns = (Column("who"), Column("work", "J", numeric=True), Column("status"))
+    table = Table("All", columns, (("the servo law", "1.25", "ok"), ("b", "201.390", "infeasible")))
+    assert plain_lines(table) == [
+        "All",
+        "who            work [J]  status",
+        "the servo law      1.25  ok",
+        "b               201.390  infeasible",
+    ]
+    assert plain_lines(Table("None", columns, ())) == ["None", "who  work [J]  status"]
 
 
 def test_a_row_of_another_length_is_refused() -> None:

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
 from occ.model.presets import youbot
-from occ.theory.accuracy import halved, motion_errors, observed_orders, rotation_table
 from occ.theory.asymptotics import (
     asymptotic_amplitude,
     asymptotic_mean_yaw_rate,
@@ -24,6 +23,7 @@ from occ.theory.equation import ScaledEquation, scaled_equation
 from occ.theory.orbits import rotating_orbits
 from tests.strategies import reals
 from tests.tasks import POINT
+from tests.theory.orders import halved, motion_errors, observed_orders, rotation_table
 
 RATIOS = st.one_of(
     st.sampled_from((0.0, 1e-9, 0.999999, 1.0, 1.000001)), reals(0.0, 1.0), reals(1.0, 4.0), reals(4.0, 30.0)

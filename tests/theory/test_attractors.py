@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from occ.model.presets import youbot
 from occ.theory.attractors import find_attractors
 from occ.theory.circle import circle_quantities
 from occ.theory.coefficients import yaw_coefficients
-from occ.theory.equation import reduced_motion
+from occ.theory.equation import ScaledEquation, reduced_motion, scaled_right_side
 from tests.tasks import POINT
 
 
@@ -71,6 +73,25 @@ def test_shares_of_weak_friction_against_single_integrations() -> None:
         steady += abs(np.angle(np.exp(1j * (psi[-1] - stable)))) < 0.05
     share = {item.kind: item.share for item in find_attractors(c, radius, rate)}["steady"]
     assert share == pytest.approx(steady / len(grid), abs=0.1)
+
+
+def test_a_manifold_that_cannot_be_followed_is_not_taken_for_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No theorem speaks then, and the starts are counted."""
+    c = yaw_coefficients(slippery(0.01), POINT)
+    followed = {item.kind: item.share for item in find_attractors(c, 0.3, 0.4)}
+
+    def breaking(eq: ScaledEquation) -> Callable[[float, np.ndarray], tuple[float, float]]:
+        right_side = scaled_right_side(eq)
+
+        def rate(t: float, y: np.ndarray) -> tuple[float, float]:
+            return right_side(t, y) if t < 1.0 else (np.nan, np.nan)
+
+        return rate
+
+    monkeypatch.setattr("occ.theory.attractors.scaled_right_side", breaking)
+    found = {item.kind: item.share for item in find_attractors(c, 0.3, 0.4)}
+    # The starts near the rotating motion are not said to be steady, nor is a motion claimed that was not found.
+    assert found == {"steady": followed["steady"], "unsettled": followed["rotating"]}
 
 
 @pytest.mark.slow

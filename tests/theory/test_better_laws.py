@@ -6,6 +6,7 @@ import math
 
 import pytest
 
+from occ.allocation import Weighted
 from occ.errors import InputError, Status
 from occ.laws import ServoLaw
 from occ.motion import Line
@@ -65,3 +66,9 @@ def test_only_a_circle_has_these_laws(law: BestOffset | SlowManifold) -> None:
     task = paper_task(motion=Line(velocity=(0.1, 0.0), start=(0.0, 0.0)))
     with pytest.raises(InputError, match="circle"):
         law.check(task)
+
+
+@pytest.mark.parametrize("law", [BestOffset, SlowManifold])
+def test_what_the_allocation_refuses_is_refused_before_anything_runs(law: type[BestOffset | SlowManifold]) -> None:
+    with pytest.raises(InputError, match="weights should be 4 numbers"):
+        law(allocation=Weighted(weights=(1.0, 2.0, 3.0))).check(paper_task())

@@ -149,6 +149,15 @@ class TestLines:
         for word in ("regime", "critical radius", "(4.8)", "stable radii", "ends in", "torques", "N m", "W on average"):
             assert word in result.stdout
 
+    def test_the_law_stands_beside_the_least_possible(self) -> None:
+        (line,) = [line for line in run(SECTION5).stdout.splitlines() if line.startswith("long run:")]
+        assert "the law settles at 12.4027 W" in line
+        assert "the least possible is 12.3828 W (exact, a steady rotation)" in line
+        assert "0.1611 % above" in line
+        assert "limits of the wheels left aside" in run(SECTION5, "--set", "limits.torque=2.1").stdout
+        # A law that settles at nothing has no mean to compare.
+        assert "long run:" not in run(SECTION5, "--set", "platform.friction_scale=0").stdout
+
     def test_limits_are_compared(self) -> None:
         kept = run(SECTION5, "--set", "limits.torque=2.1").stdout
         passed = run(SECTION5, "--set", "limits.torque=1.2").stdout

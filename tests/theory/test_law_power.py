@@ -6,17 +6,20 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy import integrate
 from scipy.integrate import solve_ivp
 
+from occ.integration import IntegrationError
 from occ.laws import ServoLaw
 from occ.laws.base import yaw_motion
 from occ.model.presets import youbot
+from occ.theory.attractors import find_attractors
 from occ.theory.coefficients import yaw_coefficients
 from occ.theory.dissipation import circle_energy, energy_of
-from occ.theory.equation import scaled_equation, yaw_acceleration
-from occ.theory.law_power import rotations
+from occ.theory.equation import reduced_motion, scaled_equation, yaw_acceleration
+from occ.theory.law_power import law_mean_power, rotations
 from occ.theory.orbits import one_turn, rotating_orbit
-from occ.theory.summary import circle_summary
+from occ.theory.summary import circle_setting, circle_summary
 from tests.tasks import POINT, paper_task
 
 
@@ -92,3 +95,22 @@ def test_mean_power_of_a_motion_with_a_corner_that_is_shot() -> None:
     # One turn, to a millionth of the long time that it takes.
     assert end[0] - start[0] == pytest.approx(-2 * np.pi, abs=1e-6 * rate * period)
     assert float(found.mean_power[0]) == pytest.approx(end[2] / period, rel=1e-6)
+
+
+def test_no_mean_where_the_motion_that_would_tell_cannot_be_followed(monkeypatch: pytest.MonkeyPatch) -> None:
+    # With weak friction the start decides between a steady rotation and a rotating motion.
+    setting = circle_setting(paper_task(platform=youbot(friction_scale=0.01), radius=0.3))
+    attractors = find_attractors(setting.c, setting.radius, setting.rate)
+    assert len(attractors) == 2
+    monkeypatch.setattr("occ.theory.law_power.find_attractors", lambda *_: attractors)
+    assert law_mean_power(setting) is not None
+
+    def given_up(function: Callable[..., object], span: tuple[float, float], *arguments: object, **more: object):
+        outcome = solve_ivp(function, (0.0, span[1] / 1e3), *arguments)
+        outcome.success = False
+        return outcome
+
+    monkeypatch.setattr(integrate, "solve_ivp", given_up)
+    with pytest.raises(IntegrationError, match=r"cannot be followed any further at t = 0\.001 s"):
+        reduced_motion(setting.c, setting.radius, setting.rate, (0.0, 0.0), np.array([0.0, 1.0]))
+    assert law_mean_power(setting) is None

@@ -10,16 +10,19 @@ import pytest
 from scipy.integrate import quad
 from scipy.interpolate import CubicHermiteSpline
 
-from occ.errors import InputError
+from occ.atlas.least_work import least_work_columns
+from occ.atlas.points import Points
+from occ.errors import InputError, Status
 from occ.laws.base import yaw_motion
 from occ.laws.servo import ServoLaw
-from occ.model.presets import YouBot
+from occ.model.presets import YouBot, youbot
 from occ.motion import Circle
 from occ.referee.reference import servo_end_state
 from occ.task import Start, Task
+from occ.theory.better_laws import SlowManifold
 from occ.theory.dissipation import CircleEnergy, energy_of
 from occ.theory.dynamic_programming import DynamicProgram, least_work
-from occ.theory.extremals import Problem, to_fixed_end, to_free_end
+from occ.theory.extremals import NoExtremal, Problem, to_fixed_end, to_free_end
 from occ.theory.minimum_work import LeastWork, least_work_fixed_end, minimum_work
 from occ.theory.optimal_heading import optimal_heading
 from occ.theory.quadrature import FINE, Well
@@ -324,3 +327,21 @@ def test_bad_input_is_refused() -> None:
         minimum_work(paper_task(), end="rest")
     with pytest.raises(InputError, match="turns"):
         minimum_work(paper_task(duration=1e6, rate=4.0, radius=0.1))
+
+
+def test_a_search_that_finds_nothing_is_said_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("to_free_end", "to_fixed_end"):
+        monkeypatch.setattr(f"occ.theory.minimum_work.{name}", lambda *_: [])
+    task = paper_task()
+    with pytest.raises(NoExtremal, match=r"from psi~ = -1\.5708 rad to a free end in 15\.708 s"):
+        minimum_work(task)
+    with pytest.raises(NoExtremal, match=r"to psi~ = -7\.85398 rad"):
+        minimum_work(task, "periodic", winding=-2)
+    with pytest.raises(NoExtremal, match="no extremal was found"):
+        minimum_work(task, "periodic", winding=-2, free_start=True)
+    # Who asks for it on the way to something else goes on without it.
+    assert SlowManifold().solve(task).status is Status.OK
+    points = Points(4, youbot().parameters()[None], np.zeros(1, int), np.array([[0.4], [0.05]]), *np.ones((6, 1)))
+    columns, ((number, reason),) = least_work_columns(points)
+    assert np.isnan(columns["least_work_J"]).all()
+    assert (number, "no extremal was found" in reason) == (0, True)

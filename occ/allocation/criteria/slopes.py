@@ -38,7 +38,7 @@ def balanced(low: np.ndarray, high: np.ndarray, null: np.ndarray) -> np.ndarray:
 
 
 def normal_slope(low: np.ndarray, high: np.ndarray, basis: np.ndarray) -> np.ndarray:
-    """g = Q mu (n,) between low and high, where there is one up to rounding; zeros where there is none.
+    """g = Q mu between low and high: of all slopes that corners and limits allow one that no null torque feels.
 
     Of the three unknowns mu the inequalities are well posed, however nearly parallel wheels and null torques are.
 
@@ -46,6 +46,9 @@ def normal_slope(low: np.ndarray, high: np.ndarray, basis: np.ndarray) -> np.nda
         low: (n,), infinite where nothing bounds the slope.
         high: (n,).
         basis: Q (n, 3) orthonormal slopes that no null torque feels.
+
+    Returns:
+        (n,) Up to rounding; zeros where there is none.
     """
     normals = np.vstack([basis, -basis])
     offsets = np.concatenate([high, -low])

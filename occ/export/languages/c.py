@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
 
+from occ.compiler import COMPILERS
 from occ.export.about import about
 from occ.export.languages.base import Checked, Language, first_tool, printed_errors, run
 from occ.export.languages.templates import render
@@ -15,7 +16,6 @@ from occ.export.program import CONSTANT, INPUT
 from occ.export.routine import Module, Routine
 from occ.export.table import SINGLE_TOLERANCE, TOLERANCE
 
-COMPILERS = ("cc", "gcc", "clang")
 FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
 FEW_STEPS = 10_000
 """Up to which a check is compiled with optimisation: a compiler's time for it grows faster than the program."""

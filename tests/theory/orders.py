@@ -1,4 +1,4 @@
-"""How well the asymptotics of section 4.2 describe the full equation, and with which order in epsilon.
+"""Errors of the asymptotics of section 4.2 against the full equation, and their orders in epsilon.
 
 The limit is taken in eq. (4.9) as it stands: epsilon is halved while rho, K, alpha, beta and the scaled start are held.
 """
@@ -115,4 +115,5 @@ def _integrated(eq: ScaledEquation, start: tuple[float, float], t: np.ndarray) -
         rtol=1e-12,
         atol=1e-12,
     )
+    assert result.success, result.message
     return result.y[0] - alpha, scale * (1 + result.y[1])
