@@ -54,9 +54,12 @@ def cluster_calls(address: str, limits: CallLimits) -> Iterator[ClusterCalls]:
     """
     try:
         from distributed import Client
+        from distributed.comm import get_address_host_port, parse_address, unparse_address
     except ImportError as error:
         raise InputError("--dask: dask.distributed is not installed; occ[cluster] should be installed") from error
     try:
+        # A client of an address that is none says so a second time, with a traceback, when it is thrown away.
+        get_address_host_port(unparse_address(*parse_address(address)), strict=True)
         client = Client(address, timeout=CONNECT, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise InputError(

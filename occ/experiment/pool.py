@@ -8,9 +8,10 @@ it the last bit, is the same everywhere.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
 
@@ -19,6 +20,7 @@ from occ.errors import InputError, OccError
 from occ.experiment.child import CallLimits, Crew, Lost, raised
 
 Item = TypeVar("Item")
+Part = TypeVar("Part")
 Outcome = TypeVar("Outcome")
 GIGABYTE = 10**9
 
@@ -79,6 +81,45 @@ class Engine:
         if self.here:
             return _here(function, items)
         return _submitted(self._calls(), function, items)
+
+    def each_or_parts(
+        self, function: Callable[[Item | Part], Outcome], items: Iterable[Item], parts: Callable[[int], Sequence[Part]]
+    ) -> Generator[tuple[int, Outcome | Lost | list[Outcome | Lost]], None, None]:
+        """function(item) of each item, and of the parts of those that are lost: what goes wrong is lost alone.
+
+        Args:
+            function: as in `each`; of parts as well.
+            items: as in `each`.
+            parts: of the item of that number; empty where it has none.
+
+        Yields:
+            Number of the item and its outcome, or the outcomes of its parts in their order.
+
+        Raises:
+            InputError: as in `each`.
+            OccError: as in `each`.
+        """
+        places: list[tuple[int, int]] = []
+        again: list[Part] = []
+        divided: dict[int, list[Outcome | Lost]] = {}
+        with closing(self.each(function, items)) as finished:
+            for number, outcome in finished:
+                pieces = parts(number) if isinstance(outcome, Lost) else ()
+                if not pieces:
+                    yield number, outcome
+                    continue
+                assert isinstance(outcome, Lost)
+                divided[number] = [outcome] * len(pieces)
+                places += [(number, place) for place in range(len(pieces))]
+                again += pieces
+        left = Counter(number for number, _ in places)
+        with closing(self.each(function, again)) as finished:
+            for position, outcome in finished:
+                number, place = places[position]
+                divided[number][place] = outcome
+                left[number] -= 1
+                if not left[number]:
+                    yield number, divided.pop(number)
 
     @contextmanager
     def _calls(self) -> Iterator[_Calls]:

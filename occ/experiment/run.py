@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from occ.errors import Status
-from occ.experiment.case import Case
+from occ.experiment.case import Alone, Case
 from occ.experiment.child import Lost
 from occ.experiment.dataset import motion_dataset
 from occ.experiment.interrupt import lasting_interrupts
@@ -76,24 +76,42 @@ def run(experiment: Experiment, out: Path, engine: Engine = HERE, progress: Prog
             tell(case.name, len(stored), not_ok(stored), True)
     missing = [number for number in range(len(experiment.cases)) if number not in outcomes]
     cases = [experiment.cases[number] for number in missing]
-    with lasting_interrupts() as stop_if_interrupted, closing(_outcomes(engine, cases, tell)) as finished:
+    doing = closing(_outcomes(engine, cases, tell))
+    with store.tidied(), lasting_interrupts() as stop_if_interrupted, doing as finished:
         for position, outcome in finished:
             stop_if_interrupted()
             case = cases[position]
-            solved = Solved(lost_rows(case, outcome.reason), {}) if isinstance(outcome, Lost) else outcome
+            solved = _joined(case, outcome)
             _keep(store, case, solved)
             outcomes[missing[position]] = solved.rows
-            if not engine.here or isinstance(outcome, Lost):
+            if not engine.here or solved is not outcome:
                 tell(case.name, len(solved.rows), not_ok(solved.rows))
     results = assemble(experiment, [outcomes[number] for number in range(len(experiment.cases))], started)
     results.save(out)
     return results
 
 
-def _outcomes(engine: Engine, cases: list[Case], tell: Progress) -> Generator[tuple[int, Solved | Lost], None, None]:
+Outcome = Solved | Lost | list[Solved | Lost]
+"""Of a case: its rows, or of each of its controllers the row, or why there is none."""
+
+
+def _outcomes(engine: Engine, cases: list[Case], tell: Progress) -> Generator[tuple[int, Outcome], None, None]:
     # Only in this process can a case tell about each of its rows.
     solve = partial(solve_case, progress=tell) if engine.here else solve_case
-    return engine.each(solve, cases)
+    # A controller that takes its process with it should cost its own row only.
+    return engine.each_or_parts(solve, cases, lambda number: cases[number].apart)
+
+
+def _joined(case: Case, outcome: Outcome) -> Solved:
+    """The rows of a case, whatever came out."""
+    if isinstance(outcome, Solved):
+        return outcome
+    parts = [outcome] * len(case.controllers) if isinstance(outcome, Lost) else outcome
+    joined = Solved([], {})
+    for name, part in zip(case.controllers, parts, strict=True):
+        joined.rows.extend([lost_row(name, part.reason)] if isinstance(part, Lost) else part.rows)
+        joined.motions.update({} if isinstance(part, Lost) else part.motions)
+    return joined
 
 
 def _keep(store: Store, case: Case, solved: Solved) -> None:
@@ -109,27 +127,28 @@ def _keep(store: Store, case: Case, solved: Solved) -> None:
         store.write(case.key, solved.rows)
 
 
-def solve_case(case: Case, progress: Progress | None = None) -> Solved:
-    """Solve and judge one case.
+def solve_case(item: Case | Alone, progress: Progress | None = None) -> Solved:
+    """Solve and judge one case, or one controller of it.
 
     Args:
-        case: plain data.
-        progress: told about each row.
+        item: plain data.
+        progress: told about each row of a case.
 
     Returns:
         One row for each controller, labels and measures, and beside them ``local_objective``, ``statistics``,
         ``solve_time_s``, ``judge_time_s`` and ``trajectory``; and the trajectories.
     """
+    case, names = (item, item.controllers) if isinstance(item, Case) else (item.case, [item.controller])
     task, players = case.posed()
     solved = Solved([], {})
-    for name, player in players.items():
-        row, motion = solve_row(case, task, name, player)
+    for name in names:
+        row, motion = solve_row(case, task, name, players[name])
         if motion is not None:
             path, content = _trajectory(case, name), netcdf_bytes(motion)
             row["trajectory"] = {"path": path, **stamp(content)}
             solved.motions[path] = content
         solved.rows.append(row)
-        if progress:
+        if progress and case is item:
             progress(f"{case.name}: {name}", 1, not_ok([row]))
     return solved
 
@@ -180,17 +199,17 @@ def solve_row(
     return row, motion
 
 
-def lost_rows(case: Case, reason: str) -> list[Row]:
-    """The rows of a case whose process gave no answer.
+def lost_row(name: str, reason: str) -> Row:
+    """The row of a controller whose process gave no answer.
 
     Args:
-        case: plain data.
+        name: of the controller.
         reason: in words.
 
     Returns:
-        One row for each controller, ``crashed``.
+        A row that is ``crashed``.
     """
-    return [_labelled(name, _crashed(reason)) for name in case.controllers]
+    return _labelled(name, _crashed(reason))
 
 
 def _labelled(name: str, record: Record) -> Row:

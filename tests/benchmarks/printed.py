@@ -25,6 +25,9 @@ their equations, and for all the solver of the nonlinear program is set carefull
 machine does not count. *ms* is for the solver of the nonlinear program alone, *call* for the package's own call around
 it, with the writing of numbers and the reading of the answer (and in yapss the derivation of the program). A package
 that passes the limit between its nodes is timed in its last solve, with the limit drawn in by as much as was passed.
+The fastest good setting of each of rockit's ways to solve (method and solver) is timed again with its functions in
+machine code (*compiled*: CasADi's `jit` with gcc; the steps of shooting stay calls there), but not shooting with a
+limit at every step, whose code takes minutes to compile; compiling is no part of the time. yapss has no such option.
 occ's functions are compiled and handed to FATROP without CasADi in between (`compiled` of its solver's options: a few
 seconds once for a problem, kept for all later processes, the same numbers to the last bit).
 """
@@ -148,6 +151,7 @@ WORDS = (
     ("first", "first {:g}"),
     ("tolerance", "tol {:g}"),
     ("barrier", "mu {:g}"),
+    ("flags", "compiled {}"),
 )
 
 

@@ -23,6 +23,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import casadi as ca
@@ -88,6 +89,10 @@ LOOK = 2
 """Solves of each setting of another package, to find its fastest ones."""
 FINALISTS = 3
 """Settings of each package that are timed as often as occ."""
+FLAGS = {"rockit": ("-O1", "-O2")}
+"""With which the functions of a package are compiled, of those whose options allow it: once for each way of solving."""
+COMPILE = 120.0
+"""[s] for one of them, with its solves."""
 ROUNDS = 4
 """Back-offs of another package at most."""
 
@@ -200,7 +205,20 @@ def of_peer(python: str, peer: str, case: Case) -> list[dict[str, Any]]:
     timed = _asked(python, peer, model, [row["setting"] for row in finalists], REPEATS) if finalists else []
     for row, answer in zip(finalists, timed, strict=True):
         row.update(_judged(case, peer, answer))
+    for setting in compiled_settings(case, enough, FLAGS.get(peer, ())):
+        rows += [_judged(case, peer, answer) for answer in _asked(python, peer, model, [setting], REPEATS, COMPILE)]
     return rows
+
+
+def compiled_settings(case: Case, enough: list[dict[str, Any]], flags: tuple[str, ...]) -> list[dict[str, Any]]:
+    """The fastest setting of each way of solving with its functions compiled, which takes too long for all of them."""
+    fastest: dict[tuple[Any, ...], dict[str, Any]] = {}
+    for row in sorted(enough, key=lambda row: min(row["seconds"])):
+        fastest.setdefault(tuple(row["setting"].get(key) for key in ("method", "solver")), row["setting"])
+    if case.task.limits.torque is not None:
+        # With the limit at every step the code of shooting has megabytes, and the compiler is at it for minutes.
+        fastest = {way: setting for way, setting in fastest.items() if setting["method"] != "shooting"}
+    return [setting | {"flags": flag} for setting in fastest.values() for flag in flags]
 
 
 def _judged(case: Case, peer: str, answer: dict[str, Any]) -> dict[str, Any]:
@@ -212,12 +230,19 @@ def _judged(case: Case, peer: str, answer: dict[str, Any]) -> dict[str, Any]:
 
 
 def _asked(
-    python: str, peer: str, model: dict[str, Any], settings: list[dict[str, Any]], repeats: int
+    python: str, peer: str, model: dict[str, Any], settings: list[dict[str, Any]], repeats: int, limit: float = 1800.0
 ) -> list[dict[str, Any]]:
     request = json.dumps({"model": model, "settings": settings, "repeats": repeats})
     clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    script = str(PEERS / f"with_{peer}.py")
-    done = subprocess.run([python, script], input=request, capture_output=True, text=True, env=clean, timeout=1800)
+    command = [os.path.abspath(python), str(PEERS / f"with_{peer}.py")]
+    # CasADi compiles in the folder where it is.
+    with TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        try:
+            done = subprocess.run(
+                command, input=request, capture_output=True, text=True, env=clean, cwd=folder, timeout=limit
+            )
+        except subprocess.TimeoutExpired:
+            return [{"setting": s, "version": "?", "failure": f"not finished after {limit:g} s"} for s in settings]
     if "@@" not in done.stdout:
         last = " ".join(done.stderr.split())[-200:]
         return [{"setting": s, "version": "?", "failure": f"the process ended: {last}"} for s in settings]

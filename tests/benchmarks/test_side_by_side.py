@@ -55,3 +55,18 @@ def test_the_fastest_that_is_good_enough_is_compared() -> None:
 def test_a_package_that_fails_is_a_row() -> None:
     failed = {"package": "a", "version": "1", "setting": {"intervals": 8}, "failure": "no way"}
     assert "| a | 8 intervals | failed: no way |" in page([row("occ", 1.0, 0.0), failed])
+
+
+def test_the_fastest_of_each_way_is_compiled() -> None:
+    ways = (("collocation", "ipopt", 6.0), ("shooting", "fatrop", 9.0), ("collocation", "ipopt", 5.0))
+    rows = [
+        row("a", ms, 1e-6) | {"setting": {"method": method, "solver": solver, "intervals": round(ms)}}
+        for method, solver, ms in ways
+    ]
+    free, limited = (side_by_side.compiled_settings(case, rows, ("-O1", "-O2")) for case in side_by_side.CASES)
+    assert [(setting["intervals"], setting["flags"]) for setting in free] == [
+        *((5, "-O1"), (5, "-O2"), (9, "-O1"), (9, "-O2"))
+    ]
+    # The code of shooting with a limit takes too long.
+    assert [(setting["intervals"], setting["flags"]) for setting in limited] == [(5, "-O1"), (5, "-O2")]
+    assert "compiled -O2" in page([row("occ", 1.0, 0.0), rows[2] | {"setting": limited[1]}])

@@ -52,6 +52,11 @@ def work(item: Any) -> Any:
     return 2 * item
 
 
+def works(items: list[Any]) -> list[Any]:
+    """`work` of each of them; all are lost with one that takes the process with it."""
+    return [work(item) for item in items]
+
+
 class _Unpicklable(Exception):
     def __init__(self, value: Any) -> None:
         super().__init__("of mine")

@@ -28,6 +28,18 @@ BAD = [
     ("text for number", tiny(("0.70", '"0.70"')), ["motion.radius:", 'wrong type ("0.70")', "a number"]),
     ("boolean for number", tiny(("0.70", "true")), ["motion.radius:", "wrong type (true)", "a number"]),
     ("nan", tiny(("0.70", "nan")), ["motion.radius:", "not finite (nan)", "a finite number"]),
+    ("too large", tiny(("0.70", "1e300")), ["motion.radius:", "out of range (1e+300)", "at most 1e+09"]),
+    ("too small", tiny(("0.70", "1e-320")), ["motion.radius:", "out of range", "at least 1e-100"]),
+    (
+        "too large in a list",
+        tiny(("[platform]", "[platform]\nmass_center = [1e99, 0]")),
+        ["platform.mass_center:", "out of range (1e+99)"],
+    ),
+    (
+        "tolerance below rounding",
+        tiny(more='[[controller]]\nname = "c"\nkind = "collocation"\nobjective = "work"\ntolerance = 1e-300\n'),
+        ["controller.c.tolerance:", "(1e-300)", "at least 1e-12"],
+    ),
     ("infinity", tiny(("x = 0.40", "x = -inf")), ["point.x:", "not finite (-inf)"]),
     ("zero radius", tiny(("0.70", "0.0")), ["motion.radius:", "out of range (0.0)", "greater than 0"]),
     (
@@ -187,6 +199,29 @@ def test_files_that_are_no_text(occ: Occ, tmp_path: Path) -> None:
         assert result.exit_code == 2
         (line,) = result.stderr.splitlines()
         assert words in line
+
+
+def test_a_mark_of_the_byte_order_is_no_mistake(occ: Occ, tmp_path: Path) -> None:
+    path = tmp_path / "notepad.toml"
+    path.write_text(tiny(), encoding="utf-8-sig")
+    assert occ("check", path).exit_code == 0
+
+
+def test_a_cluster_that_is_not_there_leaves_nothing(write: Write, occ: Occ, tmp_path: Path) -> None:
+    path = write()
+    result = occ("run", path, "--out", tmp_path / "out", "--dask", "nonsense")
+    assert result.exit_code == 2
+    assert (
+        result.stderr
+        == "--dask nonsense: no scheduler answers there; should be the address that dask-scheduler prints\n"
+    )
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("option", ["--time-limit", "--memory-limit"])
+def test_an_option_of_the_engine_is_named_as_it_was_given(write: Write, occ: Occ, option: str) -> None:
+    result = occ("run", write(), option, "-1")
+    assert (result.exit_code, result.stderr) == (2, f"{option} should be greater than 0, not -1.0\n")
 
 
 def test_two_mistakes_are_two_lines(write: Write, occ: Occ) -> None:

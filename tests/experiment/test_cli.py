@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from occ.commands import assignments_apart
+from occ.errors import OccError
 from occ.model.presets import YouBot
 from occ.motion import MOTIONS
 from occ.objectives import OBJECTIVES
@@ -180,3 +181,14 @@ def test_every_assignment_counts(occ: Occ, write: Write) -> None:
     result = occ("check", path, "--set", "motion.radius=0.6", "point.z=0.3")
     assert (result.exit_code, result.stderr.partition(";")[0]) == (2, "--set point.z: unknown key")
     assert occ("check", path, "point.x=0.3").exit_code == 2
+
+
+def test_a_failure_that_occ_states_is_one_line_and_exit_code_1(
+    occ: Occ, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def lost(*_: object) -> None:
+        raise OccError("no rotational motion was found at R_B = 0.3 m")
+
+    monkeypatch.setattr("occ.paper.data.write_data", lost)
+    result = occ("paper", "--figure", "3", "--out", tmp_path / "out")
+    assert (result.exit_code, result.stderr) == (1, "no rotational motion was found at R_B = 0.3 m\n")

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from occ.errors import InputError
 from occ.experiment.pool import Engine, Lost
-from tests.experiment.jobs import matrix_sums, touch_and_wait, work
+from tests.experiment.jobs import matrix_sums, touch_and_wait, work, works
 
 POOL = Engine(workers=2)
 
@@ -50,6 +50,33 @@ def test_each_way_to_go_wrong_costs_its_own_item_only(monkeypatch: pytest.Monkey
     assert "not finished after 1 s" in reasons["sleeps"]
     assert "not finished after 1 s" in reasons["hangs"]
     assert "MemoryError" in reasons["memory"]
+
+
+def test_what_is_lost_is_made_again_in_parts() -> None:
+    items = [[1, 2], [3, "exit", 4], ["exit"], ["hangs", 5, "raises"]]
+
+    def parts(number: int) -> list[list[object]]:
+        return [[item] for item in items[number]] if len(items[number]) > 1 else []
+
+    found = dict(Engine(workers=2, time_limit=1.0).each_or_parts(works, items, parts))
+    exits = Lost("the process that solved it ended with the exit code 3")
+    hangs = Lost("not finished after 1 s, the time limit")
+    assert found == {
+        0: [2, 4],
+        1: [[6], exits, [8]],
+        2: exits,
+        3: [hangs, [10], Lost("ArithmeticError: of mine")],
+    }
+    assert dict(Engine().each_or_parts(works, [["raises", 1]], lambda _: [["raises"], [1]])) == {
+        0: [Lost("ArithmeticError: of mine"), [2]]
+    }
+
+
+def test_parts_are_ended_in_the_middle() -> None:
+    items = [["exit", 1], ["exit", "sleeps"]]
+    with closing(POOL.each_or_parts(works, items, lambda number: [[item] for item in items[number]])) as finished:
+        number, outcome = next(finished)
+    assert (number, outcome[1]) == (0, [2])
 
 
 @pytest.mark.parametrize("engine", [Engine(), POOL], ids=["here", "pool"])

@@ -19,8 +19,9 @@ import xarray as xr
 
 from occ.errors import InputError
 from occ.experiment.bounds import BOUND_COLUMNS
+from occ.experiment.case import Case
 from occ.experiment.load import load_experiment
-from occ.experiment.pool import Engine
+from occ.experiment.pool import Engine, Lost
 from occ.experiment.results import Results, plain
 from occ.experiment.run import run
 from occ.laws import PrescribedRotation, ServoLaw
@@ -144,6 +145,56 @@ def test_player_that_raises_is_a_crashed_row(
     monkeypatch.undo()
     monkeypatch.setattr("occ.cli._write_outputs", lambda *_: None)
     assert occ("run", tmp_path / "tiny.toml", "--out", tmp_path / "out").exit_code == 0
+
+
+class Losing(Engine):
+    """Loses cases of several controllers, and controllers by name, wherever they are solved."""
+
+    lost: tuple[str, ...] = ()
+
+    def each(self, function: Any, items: Any) -> Any:
+        items = list(items)
+        for number, outcome in super().each(function, items):
+            gone = isinstance(items[number], Case) or items[number].controller in self.lost
+            yield number, Lost("ended by a test") if gone else outcome
+
+
+def test_controller_that_takes_its_process_with_it_costs_its_own_row(write: Write, tmp_path: Path) -> None:
+    """The rows of the others are those of an undisturbed run, bounds and files included."""
+    least = '[[controller]]\nname = "least"\nkind = "collocation"\nobjective = "torque_squared"\nintervals = 4\n'
+    experiment = load_experiment(write(tiny(more=least + SWEEP)))
+    whole = run(experiment, tmp_path / "whole")
+
+    class LosingOne(Losing):
+        lost = ("translation",)
+
+    told: list[tuple[int, int]] = []
+    cut = run(
+        experiment, tmp_path / "cut", LosingOne(), lambda _, rows, failed=0, stored=False: told.append((rows, failed))
+    )
+    assert told[-2:] == [(3, 1), (3, 1)]
+    for row, other in zip(cut.rows, whole.rows, strict=True):
+        if row["controller"] == "translation":
+            assert (row["status"], row["message"], row["work_J"]) == ("crashed", "ended by a test", None)
+        else:
+            assert row == other
+            assert row["torque_squared_bound_kind"] == "local"
+    files = sorted(path.name for path in (tmp_path / "whole" / "trajectories").iterdir())
+    kept = sorted(path.name for path in (tmp_path / "cut" / "trajectories").iterdir())
+    assert kept == [name for name in files if "translation" not in name]
+    # Such a case is tried again, and one whose controllers have all finished alone is not.
+    again = run(experiment, tmp_path / "cut", Losing())
+    assert again.rows == whole.rows
+    for name in ("results.csv", *(f"trajectories/{name}" for name in files)):
+        assert (tmp_path / "cut" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    stored = {path.name for path in (tmp_path / "whole" / ".store").iterdir()}
+    assert {path.name for path in (tmp_path / "cut" / ".store").iterdir()} == stored
+    assert list(again.record["cases"]) == list(whole.record["cases"])
+    for mine, other in zip(again.record["cases"].values(), whole.record["cases"].values(), strict=True):
+        assert list(mine["controllers"]) == list(other["controllers"])
+        assert [r["trajectory"] for r in mine["controllers"].values()] == [
+            r["trajectory"] for r in other["controllers"].values()
+        ]
 
 
 def test_control_that_cannot_be_judged_is_a_crashed_row(

@@ -11,7 +11,9 @@ from typing import Any
 
 import pytest
 
+import occ
 from occ.errors import InputError
+from occ.experiment.case import result_sources
 from occ.experiment.load import load_experiment
 from occ.experiment.run import run
 from occ.experiment.store import Store, replacing, stamp, write_text
@@ -172,6 +174,20 @@ def test_content_key_depends_on_every_number_and_on_the_code(write: Write, monke
     assert same.cases[0].key == keys[0]
     monkeypatch.setattr("occ.experiment.case.code_fingerprint", lambda: "another version")
     assert load_experiment(path).cases[0].key != keys[0]
+
+
+def test_the_code_of_a_key_is_all_that_affects_results() -> None:
+    places = result_sources(Path(occ.__file__).parent)
+    assert len(set(places)) == len(places)
+    for place in (
+        "optimal/direct.c",
+        "optimal/collocation.py",
+        "laws/base.py",
+        "referee/judge.py",
+        "experiment/run.py",
+    ):
+        assert place in places
+    assert not [place for place in places if place.startswith(("report/", "figures/", "export/")) or place == "cli.py"]
 
 
 @pytest.mark.parametrize("place", ["taken", "taken/out"])

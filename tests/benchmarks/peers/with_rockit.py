@@ -39,6 +39,10 @@ def solve(model: dict[str, Any], setting: dict[str, Any], repeats: int) -> dict[
     if "barrier" in setting:
         quiet["mu_init"] = setting["barrier"]
     options = {"expand": True, "print_time": False, "record_time": True, "error_on_fail": True}
+    if "flags" in setting:
+        # Steps of a shooting method stay calls: one long function would take minutes to compile.
+        jit = {"flags": [setting["flags"]], "verbose": False}
+        options |= {"expand": setting["method"] != "shooting", "jit": True, "compiler": "shell", "jit_options": jit}
     if setting["solver"] == "ipopt":
         ocp.solver("ipopt", options | {"ipopt": quiet | {"sb": "yes"}})
     else:
