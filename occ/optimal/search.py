@@ -119,12 +119,12 @@ class Search(Refinement):
         look: bool = True,
     ) -> Attempt:
         # Where slacks choose between their two bounds, a start with a large barrier would choose again; in the middle
-        # of a tube, where its condition has no slope, the first step of such a start leaves it by far.
+        # of a tube, where its condition has no slope, the first step of such a start may leave it by far.
         shape, followed = self.formulation.shape, isinstance(before, Attempt)
-        near = bool(shape.slacks or shape.peaks) if followed else shape.keep == "tube"
+        near = followed and bool(shape.slacks or shape.peaks)
         attempt = super().attempt(grid, before, restart=restart or near, numbers=numbers, look=look)
-        if near and attempt.outcome.status is not Status.OK:
-            attempt = super().attempt(grid, before, numbers=numbers, look=look)
+        if attempt.outcome.status is not Status.OK and (near or (shape.keep == "tube" and not followed)):
+            attempt = super().attempt(grid, before, restart=not near, numbers=numbers, look=look)
         return attempt
 
     def solved(
