@@ -217,7 +217,7 @@ def compiled_settings(case: Case, enough: list[dict[str, Any]], flags: tuple[str
         fastest.setdefault(tuple(row["setting"].get(key) for key in ("method", "solver")), row["setting"])
     if case.task.limits.torque is not None:
         # With the limit at every step the code of shooting has megabytes, and the compiler is at it for minutes.
-        fastest = {way: setting for way, setting in fastest.items() if setting["method"] != "shooting"}
+        fastest = {way: setting for way, setting in fastest.items() if setting.get("method") != "shooting"}
     return [setting | {"flags": flag} for setting in fastest.values() for flag in flags]
 
 

@@ -69,4 +69,7 @@ def test_the_fastest_of_each_way_is_compiled() -> None:
     ]
     # The code of shooting with a limit takes too long.
     assert [(setting["intervals"], setting["flags"]) for setting in limited] == [(5, "-O1"), (5, "-O2")]
+    # Not every package has ways, or can compile.
+    unnamed = [row("b", 1.0, 1e-6) | {"setting": {"intervals": 8}}]
+    assert all(side_by_side.compiled_settings(case, unnamed, ()) == [] for case in side_by_side.CASES)
     assert "compiled -O2" in page([row("occ", 1.0, 0.0), rows[2] | {"setting": limited[1]}])
