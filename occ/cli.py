@@ -11,7 +11,20 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from occ.commands import Commands, ExperimentCommand, ExportCommand
+from occ.commands import (
+    AllowCode,
+    Commands,
+    Dask,
+    ExperimentCommand,
+    ExportCommand,
+    File,
+    InProcess,
+    MemoryLimit,
+    Patience,
+    Settings,
+    TimeLimit,
+    Workers,
+)
 from occ.progress import Progress, progress_of
 
 if TYPE_CHECKING:
@@ -30,33 +43,6 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
-
-File = Annotated[Path, typer.Argument(metavar="EXPERIMENT.toml", help="The experiment.")]
-Settings = Annotated[
-    list[str], typer.Option("--set", metavar="KEY=VALUE ...", help="Override keys, such as motion.radius=0.6.")
-]
-AllowCode = Annotated[
-    bool,
-    typer.Option("--allow-code", help='Load controllers from your own files (kind = "file.py:Class"): runs that code.'),
-]
-
-
-Workers = Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes on this machine.")]
-Dask = Annotated[
-    str | None, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a dask cluster, such as tcp://host:8786.")
-]
-TimeLimit = Annotated[
-    float | None,
-    typer.Option(
-        "--time-limit",
-        metavar="SECONDS",
-        help="A case that takes longer is ended, and each of its controllers is tried alone for as long; those that "
-        "take longer are rows.  Without it a hang is waited for.",
-    ),
-]
-MemoryLimit = Annotated[
-    float | None, typer.Option("--memory-limit", metavar="GB", help="Address space of the process of one case.")
-]
 
 
 class Family(StrEnum):
@@ -98,6 +84,8 @@ def run(
     dask: Dask = None,
     time_limit: TimeLimit = None,
     memory_limit: MemoryLimit = None,
+    patience: Patience = None,
+    in_process: InProcess = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print the rows as one JSON object and nothing else.")
     ] = False,
@@ -106,16 +94,26 @@ def run(
 
     Exit codes: 0 all rows are ok; 1 some row is not, the table says which and why; 2 bad input, nothing solved.
     """
-    from occ.experiment.load import load_experiment
     from occ.experiment.pool import Engine
-    from occ.experiment.run import run as run_experiment
 
-    engine = Engine(workers=workers, dask=dask, time_limit=time_limit, memory_limit=memory_limit)
-    loaded = load_experiment(experiment, settings, allow_code)
+    engine = Engine(
+        workers=workers,
+        dask=dask,
+        time_limit=time_limit,
+        memory_limit=memory_limit,
+        patience=patience,
+        in_process=in_process,
+    )
     folder = out or Path("reports") / experiment.stem
-    with progress_of(sum(len(case.controllers) for case in loaded.cases)) as progress:
-        results = run_experiment(loaded, folder, engine, progress)
-        _write_outputs(folder, progress)
+    with engine.kept("occ.experiment.run") as kept:
+        # While the first process starts.
+        from occ.experiment.load import load_experiment
+        from occ.experiment.run import run as run_experiment
+
+        loaded = load_experiment(experiment, settings, allow_code)
+        with progress_of(sum(len(case.controllers) for case in loaded.cases)) as progress:
+            results = run_experiment(loaded, folder, kept, progress)
+            _write_outputs(folder, progress)
     if as_json:
         rows = {"title": loaded.title, "question": loaded.question, "folder": str(folder), "rows": results.rows}
         typer.echo(json.dumps(rows, allow_nan=False))
@@ -136,24 +134,36 @@ def atlas(
     dask: Dask = None,
     time_limit: TimeLimit = None,
     memory_limit: MemoryLimit = None,
+    patience: Patience = None,
+    in_process: InProcess = False,
 ) -> None:
     """Map an experiment's sweep: labelled arrays (atlas.nc), maps and a report.
 
     Exit codes: 0 all points have their values; 1 some have not, failures.csv says which and why; 2 bad input.
     """
-    from occ.atlas.dataset import write_atlas, write_failures
-    from occ.atlas.grid import load_grid
-    from occ.atlas.run import make_atlas
     from occ.experiment.pool import Engine
 
-    engine = Engine(workers=workers, dask=dask, time_limit=time_limit, memory_limit=memory_limit)
-    grid = load_grid(experiment, settings)
+    engine = Engine(
+        workers=workers,
+        dask=dask,
+        time_limit=time_limit,
+        memory_limit=memory_limit,
+        patience=patience,
+        in_process=in_process,
+    )
     folder = out or Path("reports") / experiment.stem
-    with progress_of(grid.size) as progress:
-        found = make_atlas(experiment, grid, folder, engine, progress)
-        write_atlas(grid, found, folder)
-        failures = write_failures(grid, found, folder)
-        tables = _write_atlas_outputs(folder)
+    with engine.kept("occ.atlas.run") as kept:
+        # While the first process starts.
+        from occ.atlas.dataset import write_atlas, write_failures
+        from occ.atlas.grid import load_grid
+        from occ.atlas.run import make_atlas
+
+        grid = load_grid(experiment, settings)
+        with progress_of(grid.size) as progress:
+            found = make_atlas(experiment, grid, folder, kept, progress)
+            write_atlas(grid, found, folder)
+            failures = write_failures(grid, found, folder)
+            tables = _write_atlas_outputs(folder)
     _show_atlas(folder, tables)
     if failures:
         raise typer.Exit(1)

@@ -1,11 +1,11 @@
-"""How the command line is read, and how it fails: errors are lines, and an option may take several values."""
+"""How the command line is read, and how it fails: options of several commands, lists of values, errors as lines."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
@@ -14,6 +14,47 @@ from occ.errors import InputError, OccError
 
 ASSIGNMENT = re.compile(r"""[\w."' +-]+=""")
 """How a further ``KEY=VALUE`` after `--set` begins; a key has no slash, as a path may have."""
+
+File = Annotated[Path, typer.Argument(metavar="EXPERIMENT.toml", help="The experiment.")]
+Settings = Annotated[
+    list[str], typer.Option("--set", metavar="KEY=VALUE ...", help="Override keys, such as motion.radius=0.6.")
+]
+AllowCode = Annotated[
+    bool,
+    typer.Option("--allow-code", help='Load controllers from your own files (kind = "file.py:Class"): runs that code.'),
+]
+Workers = Annotated[int, typer.Option("--workers", metavar="N", min=1, help="Processes on this machine.")]
+Dask = Annotated[
+    str | None, typer.Option("--dask", metavar="ADDRESS", help="Scheduler of a dask cluster, such as tcp://host:8786.")
+]
+TimeLimit = Annotated[
+    float | None,
+    typer.Option(
+        "--time-limit",
+        metavar="SECONDS",
+        help="A case that takes longer is ended, and each of its controllers that is not finished is tried alone for "
+        "as long; those that take longer are rows that say so.  No limit by default.",
+    ),
+]
+MemoryLimit = Annotated[
+    float | None, typer.Option("--memory-limit", metavar="GB", help="Address space of the process of one case.")
+]
+Patience = Annotated[
+    float | None,
+    typer.Option(
+        "--patience",
+        metavar="SECONDS",
+        help="What is not heard of for so long, no row of it finished, is taken for hung: its process is ended, and "
+        "its row says so.  An hour by default.",
+    ),
+]
+InProcess = Annotated[
+    bool,
+    typer.Option(
+        "--in-process",
+        help="Work in occ's own process, for a debugger or a profiler: a crash ends the run, a hang is waited for.",
+    ),
+]
 
 
 class Commands(TyperGroup):

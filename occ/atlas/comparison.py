@@ -2,20 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from occ.atlas.variables import Variable
 from occ.errors import Status
+from occ.experiment.assessment import Rows, assessed
 from occ.experiment.case import Alone, Case
-from occ.experiment.child import Lost
+from occ.experiment.child import Lost, Tell, unheard
+from occ.experiment.pool import Engine
 from occ.experiment.proven import with_bounds
 from occ.experiment.results import Row
 from occ.experiment.run import lost_row, solve_row
 from occ.objectives import OBJECTIVES
 from occ.referee import MEASURES
-from occ.task import Task
 
 STATUSES = tuple(status.value for status in Status)
 """Texts of ``status`` are kept as their places in this list."""
@@ -45,11 +46,12 @@ class Comparison:
     objectives: tuple[str, ...]
 
 
-def compare(item: Comparison) -> list[Row]:
+def compare(item: Comparison, tell: Tell = unheard) -> list[Row]:
     """Solve and judge the controllers of a case; trajectories are not kept.
 
     Args:
         item: plain data.
+        tell: takes what `alone` returns of each controller, as soon as it is there.
 
     Returns:
         One row for each controller: labels, measures, bounds and gaps.
@@ -58,8 +60,12 @@ def compare(item: Comparison) -> list[Row]:
         BoundViolation: a feasible row below a proven bound of its class.
     """
     task, players = item.case.posed()
-    rows = [solve_row(item.case, task, name, player, with_motion=False)[0] for name, player in players.items()]
-    return _bounded(item, rows, task)
+    rows = []
+    for name, player in players.items():
+        row, _ = solve_row(item.case, task, name, player, with_motion=False)
+        tell(row)
+        rows.append(row)
+    return _shown(item.objectives, with_bounds(item.case, _named(item, rows), item.objectives, task=task))
 
 
 def alone(item: Alone) -> Row:
@@ -75,28 +81,36 @@ def alone(item: Alone) -> Row:
     return solve_row(item.case, task, item.controller, players[item.controller], with_motion=False)[0]
 
 
-def joined(item: Comparison, outcomes: Sequence[Row | Lost]) -> list[Row]:
-    """A comparison whose controllers were solved one by one.
+def joined(items: Iterable[tuple[Comparison, Sequence[Row | Lost]]], engine: Engine) -> list[tuple[list[Row], bool]]:
+    """Comparisons whose controllers were solved one by one.
 
     Args:
-        item: plain data.
-        outcomes: of `alone`, for each controller in the order of the file.
+        items: each with the outcomes of `alone`, for each controller in the order of the file.
+        engine: where bounds are looked for.
 
     Returns:
-        Rows as of `compare`; ``crashed`` where there is no answer.
+        For each item rows as of `compare`, ``crashed`` where there is no answer; and whether nothing of it is lost.
 
     Raises:
         BoundViolation: as in `compare`.
     """
-    named = zip(item.case.controllers, outcomes, strict=True)
-    return _bounded(item, [lost_row(name, row.reason) if isinstance(row, Lost) else row for name, row in named])
+    asked, whole = [], []
+    for item, outcomes in items:
+        named = zip(item.case.controllers, outcomes, strict=True)
+        rows = [lost_row(name, row.reason) if isinstance(row, Lost) else row for name, row in named]
+        asked.append(Rows(item.case, _named(item, rows), item.objectives, endless=False))
+        whole.append(not any(isinstance(row, Lost) for row in outcomes))
+    found = zip(asked, whole, assessed(asked, engine), strict=True)
+    return [(_shown(one.objectives, said.rows), complete and said.complete) for one, complete, said in found]
 
 
-def _bounded(item: Comparison, rows: Sequence[Row], task: Task | None = None) -> list[Row]:
-    own = [{"case": item.case.name} | dict(row) for row in rows]
-    own = with_bounds(item.case, own, item.objectives, task=task)
-    kept = ("controller", "status", "message", *numbers(item.objectives))
-    return [{name: row.get(name) for name in kept} for row in own]
+def _named(item: Comparison, rows: Sequence[Row]) -> tuple[Row, ...]:
+    return tuple({"case": item.case.name} | dict(row) for row in rows)
+
+
+def _shown(objectives: Sequence[str], rows: Sequence[Row]) -> list[Row]:
+    kept = ("controller", "status", "message", *numbers(objectives))
+    return [{name: row.get(name) for name in kept} for row in rows]
 
 
 def numbers(objectives: Sequence[str]) -> tuple[str, ...]:

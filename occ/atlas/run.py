@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,7 @@ from occ.atlas.points import Points
 from occ.atlas.variables import LEAST_WORK, LONG_RUN
 from occ.errors import InputError, Status
 from occ.experiment.case import Alone, code_fingerprint
-from occ.experiment.child import Lost
+from occ.experiment.child import Lost, Tell, unheard
 from occ.experiment.journal import Journal
 from occ.experiment.load import load_experiment
 from occ.experiment.pool import Engine
@@ -101,27 +101,44 @@ def make_atlas(path: Path, grid: Grid, out: Path, engine: Engine, progress: Prog
                 missing.append(number)
             else:
                 progress("stored", work.rows(job), 0, True)
-        items = (work.item(work.jobs[number]) for number in missing)
-        doing = engine.each_or_parts(solve, items, lambda position: work.apart(work.jobs[missing[position]]))
-        with closing(doing) as finished:
-            for position, outcome in finished:
-                number = missing[position]
+        with engine.kept() as kept, closing(_results(work, missing, kept)) as finished:
+            for number, content, whole in finished:
                 job = work.jobs[number]
-                content = outcome if isinstance(outcome, bytes) else replaced(work.item(job), outcome)
-                if any(isinstance(part, Lost) for part in (outcome if isinstance(outcome, list) else [outcome])):
+                if whole:
+                    journal.write(job.key, content)
+                else:
                     # Nothing of this is stored: another run tries again.
                     lost[number] = content
-                else:
-                    journal.write(job.key, content)
                 failed = len(work.failures(job, content))
                 progress(work.name(job), work.rows(job), failed)
         return work.assembled(lambda number: lost.get(number) or journal.read(work.jobs[number].key))
 
 
-def solve(item: Block | Comparison | Alone) -> bytes:
-    """The result of one block or comparison, as it is stored; or the row of one controller."""
+def _results(work: _Work, missing: list[int], engine: Engine) -> Generator[tuple[int, bytes, bool], None, None]:
+    """Number of each job, its result, and whether nothing of it is lost."""
+    items = (work.item(work.jobs[number]) for number in missing)
+    divided: dict[int, list[bytes | Lost]] = {}
+    doing = engine.each_or_parts(solve, items, lambda position: work.apart(work.jobs[missing[position]]))
+    with closing(doing) as finished:
+        for position, outcome in finished:
+            number = missing[position]
+            job = work.jobs[number]
+            if isinstance(outcome, bytes):
+                yield number, outcome, True
+            elif job.last is None:
+                controllers = work.cases[job.first].controllers
+                divided[number] = [outcome for _ in controllers] if isinstance(outcome, Lost) else outcome
+            else:
+                assert isinstance(outcome, Lost)
+                yield number, work.replaced(job, outcome), False
+    for number, (content, whole) in zip(divided, work.joined(divided, engine), strict=True):
+        yield number, content, whole
+
+
+def solve(item: Block | Comparison | Alone, tell: Tell = unheard) -> bytes:
+    """The result of one block or comparison, as it is stored, or of one controller the row; a comparison tells each."""
     if isinstance(item, Comparison):
-        return json.dumps(compare(item)).encode()
+        return json.dumps(compare(item, lambda row: tell(json.dumps(row).encode()))).encode()
     if isinstance(item, Alone):
         return json.dumps(alone(item)).encode()
     columns, reasons = long_run_columns(item.points)
@@ -130,19 +147,6 @@ def solve(item: Block | Comparison | Alone) -> bytes:
         columns |= more
         reasons += others
     return _packed(columns, reasons)
-
-
-def replaced(item: Block | Comparison, outcome: Lost | list[bytes | Lost]) -> bytes:
-    """What stands for a block without an answer, or for a comparison of which there are parts at most."""
-    if isinstance(item, Comparison):
-        parts = [outcome] * len(item.case.controllers) if isinstance(outcome, Lost) else outcome
-        rows = [part if isinstance(part, Lost) else json.loads(part) for part in parts]
-        return json.dumps(joined(item, rows)).encode()
-    assert isinstance(outcome, Lost)
-    names = {**LONG_RUN, **(LEAST_WORK if item.least_work else {})}
-    count = len(item.points)
-    columns = {name: np.zeros(count, np.int8) if v.text else np.full(count, np.nan) for name, v in names.items()}
-    return _packed(columns, [(i, outcome.reason) for i in range(count)])
 
 
 def _packed(columns: dict[str, np.ndarray], reasons: list[tuple[int, str]]) -> bytes:
@@ -182,6 +186,23 @@ class _Work:
 
     def apart(self, job: _Job) -> list[Alone]:
         return self.cases[job.first].apart if job.last is None else []
+
+    def replaced(self, job: _Job, outcome: Lost) -> bytes:
+        """What stands for a block without an answer."""
+        block = self.item(job)
+        assert isinstance(block, Block)
+        names = {**LONG_RUN, **(LEAST_WORK if block.least_work else {})}
+        count = len(block.points)
+        columns = {name: np.zeros(count, np.int8) if v.text else np.full(count, np.nan) for name, v in names.items()}
+        return _packed(columns, [(i, outcome.reason) for i in range(count)])
+
+    def joined(self, divided: dict[int, list[bytes | Lost]], engine: Engine) -> list[tuple[bytes, bool]]:
+        """Comparisons from the rows of their controllers by the number of the job, and whether nothing is lost."""
+        items = []
+        for number, parts in divided.items():
+            item = Comparison(self.cases[self.jobs[number].first], self.objectives)
+            items.append((item, [part if isinstance(part, Lost) else json.loads(part) for part in parts]))
+        return [(json.dumps(rows).encode(), whole) for rows, whole in joined(items, engine)]
 
     def rows(self, job: _Job) -> int:
         if job.last is None:

@@ -2,23 +2,25 @@
 
 The pools of the standard library lose all running calls when one process dies and have no time limits, and a worker of
 dask, being a daemon, may not start them.  Here a process is an interpreter that reads calls from its input and writes
-answers to its output; killing it is always safe.
+answers to its output; killing it is always safe.  While a call is being made it tells what is finished of it: whoever
+waits sees that it goes on, and what was told outlives the process.
 """
 
 from __future__ import annotations
 
 import gc
 import os
-import pickle
 import signal
-import struct
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import IO, Any
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from typing import Any
 
 from occ.errors import OccError
 
@@ -28,8 +30,14 @@ WATCH = 0.5
 """[s] A process whose parent is gone ends after this time."""
 GARBAGE = 50_000
 """New objects between two looks for cyclic garbage: what a process keeps from case to case is large and has none."""
-PROGRAM = "import sys; sys.path[:] = eval(sys.argv[1]); from occ.experiment.child import serve; serve()"
-SIZE = struct.Struct("<Q")
+PROGRAM = "import sys; sys.path[:] = eval(sys.argv[1]); from occ.experiment.child import serve; {}serve()"
+LONGEST_WAIT = 1e6
+"""[s] What the operating system can wait for at once."""
+
+Tell = Callable[[Any], None]
+"""Takes what is finished of a call, plain data."""
+Function = Callable[[Any, Tell], Any]
+"""Of an item; it may tell what is finished of it while it goes on."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +46,13 @@ class Lost:
 
     Args:
         reason: in words.
+        told: what the call had told before, in its order.
+        silent: whether it was ended because nothing was heard of it.
     """
 
     reason: str
+    told: tuple[Any, ...] = ()
+    silent: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,10 +62,53 @@ class CallLimits:
     Args:
         time: [s] None is no limit.
         memory: [byte] address space of its process; None is no limit.
+        patience: [s] how long nothing may be heard of it; None is for ever.
     """
 
     time: float | None = None
     memory: int | None = None
+    patience: float | None = None
+
+
+def unheard(_: Any) -> None:
+    """A `Tell` to which nobody listens."""
+
+
+class Idle:
+    """Processes that wait for calls; threads may use it at the same time."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._children: list[_Child] = []
+
+    def start(self, modules: Sequence[str]) -> None:
+        """One more, which loads modules while this process does something else.
+
+        Args:
+            modules: by their full names.
+        """
+        self.give(_Child(modules))
+
+    def give(self, child: _Child) -> None:
+        """One more."""
+        with self._lock:
+            self._children.append(child)
+
+    def take(self) -> _Child:
+        """One of them, or a new one; those that have died while they waited are cleared away."""
+        with self._lock:
+            while self._children:
+                child = self._children.pop()
+                if child.alive:
+                    return child
+                child.kill()
+        return _Child()
+
+    def stop(self) -> None:
+        """End all of them."""
+        with self._lock:
+            while self._children:
+                self._children.pop().kill()
 
 
 class Crew:
@@ -61,21 +116,23 @@ class Crew:
 
     Args:
         limits: of each call.
+        idle: where processes come from and stay, also when the crew has stopped; the crew's own by default.
     """
 
-    def __init__(self, limits: CallLimits) -> None:
+    def __init__(self, limits: CallLimits, idle: Idle | None = None) -> None:
         self._limits = limits
         self._lock = threading.Lock()
-        self._idle: list[_Child] = []
+        self._idle, self._owns = idle or Idle(), idle is None
         self._busy: set[_Child] = set()
         self._stopped = False
 
-    def call(self, function: Callable[[Any], Any], item: Any) -> Any:
-        """function(item) in a process of its own; threads may call this at the same time.
+    def call(self, function: Function, item: Any, heard: Tell = unheard) -> Any:
+        """function(item, tell) in a process of its own; threads may call this at the same time.
 
         Args:
             function: that a new process can import.
             item: plain data.
+            heard: is told, here, what the function tells there.
 
         Returns:
             Its answer, or `Lost` where the process died or a limit was passed.
@@ -86,86 +143,92 @@ class Crew:
         with self._lock:
             if self._stopped:
                 return Lost("stopped before it began")
-            child = self._waiting() or _Child(self._limits)
+            child = self._idle.take()
             self._busy.add(child)
         try:
-            return child.call(function, item)
+            return child.call(function, item, self._limits, heard)
         finally:
             with self._lock:
                 self._busy.discard(child)
                 if child.alive and not self._stopped:
-                    self._idle.append(child)
+                    self._idle.give(child)
                 else:
                     child.kill()
 
-    def _waiting(self) -> _Child | None:
-        """A process that waits for a call; those that have died while they waited are cleared away."""
-        while self._idle:
-            child = self._idle.pop()
-            if child.alive:
-                return child
-            child.kill()
-        return None
-
     def stop(self) -> None:
-        """End all processes, in the middle of a call or not."""
+        """End all calls, and the processes that are the crew's own."""
         with self._lock:
             self._stopped = True
-            children = [*self._idle, *self._busy]
-            self._idle = []
-        for child in children:
-            child.kill()
+            # Whoever waits for their answers clears them away.
+            for child in self._busy:
+                child.end()
+        if self._owns:
+            self._idle.stop()
 
 
 class _Child:
     """One process and the pipes to it."""
 
-    def __init__(self, limits: CallLimits) -> None:
-        self.limits = limits
-        self.overdue = False
-        environment = os.environ | dict.fromkeys(THREADS, "1")
+    def __init__(self, modules: Sequence[str] = ()) -> None:
+        self.overdue: Lost | None = None
+        requests, self.requests = Pipe(duplex=False)
+        self.answers, answers = Pipe(duplex=False)
         self.process = subprocess.Popen(
-            [sys.executable, "-c", PROGRAM, repr(sys.path)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            env=environment,
-            # An interrupt from the keyboard is the parent's business.
+            [sys.executable, "-c", PROGRAM.format("".join(f"import {name}; " for name in modules)), repr(sys.path)],
+            stdin=requests.fileno(),
+            stdout=answers.fileno(),
+            env=os.environ | dict.fromkeys(THREADS, "1"),
+            # An interrupt from the keyboard is the parent's business, and what a call starts is ended with it.
             start_new_session=True,
         )
-        assert self.process.stdin is not None
-        assert self.process.stdout is not None
-        self.requests, self.answers = self.process.stdin, self.process.stdout
-        _send(self.requests, limits.memory)
+        requests.close()
+        answers.close()
 
     @property
     def alive(self) -> bool:
-        return not self.overdue and self.process.poll() is None
+        return self.overdue is None and self.process.poll() is None
 
-    def call(self, function: Callable[[Any], Any], item: Any) -> Any:
-        timer = threading.Timer(self.limits.time, self._end) if self.limits.time else None
+    def call(self, function: Function, item: Any, limits: CallLimits, heard: Tell) -> Any:
+        told: list[Any] = []
+        end = None
         try:
-            _send(self.requests, (function, item))
-            # Libraries are loaded before the clock runs.
-            _receive(self.answers)
-            if timer:
-                timer.start()
-            kind, answer = _receive(self.answers)
+            self.requests.send((limits.memory, function, item))
+            while True:
+                kind, content = self._next(limits, end)
+                if kind == "told":
+                    told.append(content)
+                    heard(content)
+                elif kind == "begun":
+                    # Libraries are loaded before the clock runs.
+                    end = time.monotonic() + limits.time if limits.time else None
+                else:
+                    break
         except (EOFError, OSError):
-            return Lost(self._reason())
-        finally:
-            if timer:
-                timer.cancel()
+            return replace(self.overdue or Lost(self._reason()), told=tuple(told))
         if kind == "error":
-            raise answer
-        return answer
+            raise content
+        return replace(content, told=tuple(told)) if isinstance(content, Lost) else content
 
-    def _end(self) -> None:
-        self.overdue = True
-        self.process.kill()
+    def _next(self, limits: CallLimits, end: float | None) -> Any:
+        """The next word of a call, which has to be finished at a time; EOFError where there is none."""
+        now = time.monotonic()
+        last = now + limits.patience if limits.patience else None
+        until = min((moment for moment in (end, last) if moment is not None), default=None)
+        while until is None or now < until:
+            if self.answers.poll(LONGEST_WAIT if until is None else min(until - now, LONGEST_WAIT)):
+                return self.answers.recv()
+            now = time.monotonic()
+        if until == end:
+            self.overdue = Lost(f"not finished after {limits.time:g} s, the time limit")
+        else:
+            self.overdue = Lost(
+                f"nothing was heard of it for {limits.patience:g} s, and it was taken for hung; what takes longer "
+                "needs more --patience",
+                silent=True,
+            )
+        raise EOFError
 
     def _reason(self) -> str:
-        if self.overdue:
-            return f"not finished after {self.limits.time:g} s, the time limit"
         code = self.process.wait()
         if code >= 0:
             return f"the process that solved it ended with the exit code {code}"
@@ -173,58 +236,41 @@ class _Child:
         hint = "; perhaps the machine ran out of memory" if -code == signal.SIGKILL else ""
         return f"the process that solved it was ended by the signal {name}{hint}"
 
+    def end(self) -> None:
+        # Together with whatever it has started.
+        if self.process.poll() is None:
+            with suppress(ProcessLookupError):
+                os.killpg(self.process.pid, signal.SIGKILL)
+
     def kill(self) -> None:
-        self.process.kill()
+        self.end()
         self.process.wait()
-        for pipe in (self.requests, self.answers):
-            # Whoever reads the answer closes it with the error that the kill causes.
-            try:
-                pipe.close()
-            except OSError:
-                continue
-
-
-def _send(pipe: IO[bytes], message: Any) -> None:
-    body = pickle.dumps(message)
-    pipe.write(SIZE.pack(len(body)))
-    pipe.write(body)
-    pipe.flush()
-
-
-def _receive(pipe: IO[bytes]) -> Any:
-    head = pipe.read(SIZE.size)
-    if len(head) < SIZE.size:
-        raise EOFError
-    (size,) = SIZE.unpack(head)
-    body = pipe.read(size)
-    if len(body) < size:
-        raise EOFError
-    return pickle.loads(body)
+        self.requests.close()
+        self.answers.close()
 
 
 def serve() -> None:
     """Answer calls until the input ends; this is what a process of a `Crew` does."""
-    with os.fdopen(os.dup(0), "rb") as requests, os.fdopen(os.dup(1), "wb") as answers:
+    with Connection(os.dup(0), writable=False) as requests, Connection(os.dup(1), readable=False) as answers:
         # What a function prints must not get between the answers.
         os.dup2(2, 1)
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
         threading.Thread(target=_end_with_parent, args=(os.getppid(),), daemon=True).start()
         gc.set_threshold(GARBAGE)
-        memory = _receive(requests)
-        if memory is not None:
-            _limit_memory(memory)
         while True:
             try:
-                function, item = _receive(requests)
+                memory, function, item = requests.recv()
             except EOFError:
                 return
-            _send(answers, "begun")
-            _send(answers, _answer(function, item))
+            if memory is not None:
+                _limit_memory(memory)
+            answers.send(("begun", None))
+            answers.send(_answer(function, item, lambda content: answers.send(("told", content))))
 
 
-def _answer(function: Callable[[Any], Any], item: Any) -> tuple[str, Any]:
+def _answer(function: Function, item: Any, tell: Tell) -> tuple[str, Any]:
     try:
-        return "answer", function(item)
+        return "answer", function(item, tell)
     except OccError as error:
         # The user's business: it ends the run.
         return "error", error
@@ -253,4 +299,5 @@ def _limit_memory(size: int) -> None:
 def _end_with_parent(parent: int) -> None:
     while os.getppid() == parent:
         time.sleep(WATCH)
-    os._exit(1)
+    # Together with whatever it has started.
+    os.killpg(0, signal.SIGKILL)

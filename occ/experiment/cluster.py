@@ -6,7 +6,7 @@ and one thread of linear algebra, hold there as well.  Nothing is read from or w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from typing import Any
 
 from occ.errors import InputError
 from occ.experiment.case import code_fingerprint
-from occ.experiment.child import CallLimits, Crew, Lost
+from occ.experiment.child import CallLimits, Crew, Function, Lost, Tell
 
 CONNECT = 10.0
 """[s] to reach the scheduler, and to wait for its first worker."""
@@ -29,7 +29,7 @@ def _crew(limits: CallLimits) -> Crew:
     return Crew(limits)
 
 
-def _call(function: Callable[[Any], Any], limits: CallLimits, item: Any) -> Any:
+def _call(function: Function, limits: CallLimits, item: Any) -> Any:
     return _crew(limits).call(function, item)
 
 
@@ -106,8 +106,8 @@ class ClusterCalls:
     executor: Any
     limits: CallLimits
 
-    def submit(self, function: Callable[[Any], Any], item: Any) -> Future[Any]:
-        """Send a call to whichever worker is free."""
+    def submit(self, function: Function, item: Any, heard: Tell) -> Future[Any]:
+        """Send a call to whichever worker is free; what it tells on its way is kept there, and comes if it is lost."""
         future: Future[Any] = self.executor.submit(_call, function, self.limits, item)
         return future
 

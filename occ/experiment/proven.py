@@ -98,6 +98,28 @@ def with_bounds(
     return own
 
 
+def without_proof(rows: Iterable[Mapping[str, Any]], objectives: Iterable[str], reason: str) -> list[dict[str, Any]]:
+    """The rows of one case with local bounds alone, as the search for proven ones gave no answer.
+
+    Args:
+        rows: of the case, with its name.
+        objectives: by name.
+        reason: why there is none.
+
+    Returns:
+        Rows as of `with_bounds`; the message of each that could have had a proven bound says why it has none.
+    """
+    own = [dict(row) for row in rows]
+    for name in objectives:
+        bounds = local_bounds(own, name)
+        for row in own:
+            row |= bound_columns(row, name, bounds)
+    for row in own:
+        if row["status"] == Status.OK:
+            row["message"] = "; ".join(filter(None, [row["message"], f"no proven bound: {reason}"]))
+    return own
+
+
 def _lacks(row: Mapping[str, Any], name: str, motions: MotionClass) -> bool:
     """Whether a row has no proven bound although it is of a class that should have one."""
     fair = row["status"] == Status.OK and row[f"{name}_bound_kind"] not in PROVEN

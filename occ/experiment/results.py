@@ -14,12 +14,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from occ.errors import InputError, Status
+from occ.experiment.assessment import Rows, assessed
 from occ.experiment.bounds import BOUND_COLUMNS
 from occ.experiment.case import Case
-from occ.experiment.for_ever import for_ever
 from occ.experiment.load import Experiment
 from occ.experiment.naming import slug
-from occ.experiment.proven import with_bounds
+from occ.experiment.pool import Engine
 from occ.experiment.store import write_text
 from occ.referee import LABELS, MEASURES
 
@@ -111,25 +111,27 @@ class Results:
         return cls(tuple(columns), tuple(rows), record)
 
 
-def assemble(experiment: Experiment, outcomes: Sequence[Sequence[Row]], started: str) -> Results:
+def assemble(experiment: Experiment, outcomes: Sequence[Sequence[Row]], started: str, engine: Engine) -> Results:
     """The table of all cases, with the tightest bound of each row's class.
 
     Args:
         experiment: whose cases were solved.
         outcomes: for each case the rows that `occ.experiment.run.solve_case` makes.
         started: date and time, for the record only.
+        engine: where bounds are looked for.
 
     Returns:
         Rows in the order of cases and controllers.
 
     Raises:
         BoundViolation: a feasible row below a certified bound of its class.
+        InputError: there is no such cluster.
     """
-    rows: list[Row] = []
     certify = bool(experiment.tables.get("compare", {}).get("certified", False))
-    for case, outcome in zip(experiment.cases, outcomes, strict=True):
-        own = [{"case": case.name} | case.swept | dict(row) for row in outcome]
-        rows += with_bounds(case, own, experiment.objectives, certify=certify)
+    named = list(zip(experiment.cases, outcomes, strict=True))
+    own = [tuple({"case": case.name} | case.swept | dict(row) for row in rows) for case, rows in named]
+    asked = [Rows(case, rows, experiment.objectives, certify) for case, rows in zip(experiment.cases, own, strict=True)]
+    found = assessed(asked, engine)
     bound_names = [f"{x}_{part}" for x in experiment.objectives for part in BOUND_COLUMNS]
     columns = (*LABELS, *experiment.swept, *MEASURES, *bound_names)
     record = {
@@ -137,20 +139,19 @@ def assemble(experiment: Experiment, outcomes: Sequence[Sequence[Row]], started:
         "started": started,
         "versions": {"python": platform.python_version()} | {name: version(name) for name in LIBRARIES},
         "cases": {
-            case.name: _case_record(case, outcome, certify=certify)
-            for case, outcome in zip(experiment.cases, outcomes, strict=True)
+            case.name: _case_record(case, rows, one.for_ever) for (case, rows), one in zip(named, found, strict=True)
         },
     }
-    return Results(columns, tuple({name: row[name] for name in columns} for row in rows), record)
+    return Results(columns, tuple({name: row[name] for name in columns} for one in found for row in one.rows), record)
 
 
-def _case_record(case: Case, outcome: Sequence[Row], *, certify: bool) -> dict[str, Any]:
+def _case_record(case: Case, outcome: Sequence[Row], for_ever: dict[str, Any]) -> dict[str, Any]:
     return {
         "slug": slug(case.name),
         "key": case.key,
         "swept": case.swept,
         "tables": dict(case.tables),
-        "for_ever": plain(for_ever(case, certify=certify)),
+        "for_ever": plain(for_ever),
         **({"own_code": case.own_code} if case.own_code else {}),
         "controllers": {
             row["controller"]: {name: row[name] for name in ("statistics", "solve_time_s", "judge_time_s")}

@@ -5,17 +5,17 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Generator, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from contextlib import closing, redirect_stdout
 from datetime import UTC, datetime
-from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from occ.errors import Status
 from occ.experiment.case import Alone, Case
-from occ.experiment.child import Lost
+from occ.experiment.child import Lost, Tell, unheard
 from occ.experiment.dataset import motion_dataset
 from occ.experiment.interrupt import lasting_interrupts
 from occ.experiment.load import Experiment
@@ -30,7 +30,8 @@ from occ.task import Player, Task
 if TYPE_CHECKING:
     import xarray as xr
 
-HERE = Engine()
+SAFE = Engine()
+"""A process beside this one."""
 
 
 class Progress(Protocol):
@@ -46,7 +47,7 @@ class Solved(NamedTuple):
     motions: dict[str, bytes]
 
 
-def run(experiment: Experiment, out: Path, engine: Engine = HERE, progress: Progress | None = None) -> Results:
+def run(experiment: Experiment, out: Path, engine: Engine = SAFE, progress: Progress | None = None) -> Results:
     """Solve what is not stored yet, and write table, record and trajectories.
 
     Args:
@@ -76,17 +77,20 @@ def run(experiment: Experiment, out: Path, engine: Engine = HERE, progress: Prog
             tell(case.name, len(stored), not_ok(stored), True)
     missing = [number for number in range(len(experiment.cases)) if number not in outcomes]
     cases = [experiment.cases[number] for number in missing]
-    doing = closing(_outcomes(engine, cases, tell))
-    with store.tidied(), lasting_interrupts() as stop_if_interrupted, doing as finished:
-        for position, outcome in finished:
-            stop_if_interrupted()
-            case = cases[position]
-            solved = _joined(case, outcome)
-            _keep(store, case, solved)
-            outcomes[missing[position]] = solved.rows
-            if not engine.here or solved is not outcome:
-                tell(case.name, len(solved.rows), not_ok(solved.rows))
-    results = assemble(experiment, [outcomes[number] for number in range(len(experiment.cases))], started)
+    told = _Told(cases, tell)
+    with engine.kept() as kept:
+        # A controller that takes its process with it should cost its own row only.
+        doing = closing(kept.each_or_parts(solve_case, cases, lambda number: cases[number].apart, told.row))
+        with store.tidied(), lasting_interrupts() as stop_if_interrupted, doing as finished:
+            for position, outcome in finished:
+                stop_if_interrupted()
+                case = cases[position]
+                solved = _joined(case, outcome)
+                _keep(store, case, solved)
+                outcomes[missing[position]] = solved.rows
+                told.case(position, solved.rows)
+        rows = [outcomes[number] for number in range(len(experiment.cases))]
+        results = assemble(experiment, rows, started, kept)
     results.save(out)
     return results
 
@@ -95,11 +99,26 @@ Outcome = Solved | Lost | list[Solved | Lost]
 """Of a case: its rows, or of each of its controllers the row, or why there is none."""
 
 
-def _outcomes(engine: Engine, cases: list[Case], tell: Progress) -> Generator[tuple[int, Outcome], None, None]:
-    # Only in this process can a case tell about each of its rows.
-    solve = partial(solve_case, progress=tell) if engine.here else solve_case
-    # A controller that takes its process with it should cost its own row only.
-    return engine.each_or_parts(solve, cases, lambda number: cases[number].apart)
+class _Told:
+    """Tells about each row once: as soon as it is heard of, and at the latest with its case."""
+
+    def __init__(self, cases: Sequence[Case], tell: Progress) -> None:
+        self._cases, self._tell = cases, tell
+        self._rows: Counter[int] = Counter()
+        self._failed: Counter[int] = Counter()
+
+    def row(self, number: int, place: int, part: Solved | Lost) -> None:
+        failed = 1 if isinstance(part, Lost) else not_ok(part.rows)
+        self._rows[number] += 1
+        self._failed[number] += failed
+        case = self._cases[number]
+        self._tell(f"{case.name}: {case.controllers[place]}", 1, failed)
+
+    def case(self, number: int, rows: Sequence[Row]) -> None:
+        left = len(rows) - self._rows.pop(number, 0)
+        failed = not_ok(rows) - self._failed.pop(number, 0)
+        if left:
+            self._tell(self._cases[number].name, left, failed)
 
 
 def _joined(case: Case, outcome: Outcome) -> Solved:
@@ -127,12 +146,12 @@ def _keep(store: Store, case: Case, solved: Solved) -> None:
         store.write(case.key, solved.rows)
 
 
-def solve_case(item: Case | Alone, progress: Progress | None = None) -> Solved:
+def solve_case(item: Case | Alone, tell: Tell = unheard) -> Solved:
     """Solve and judge one case, or one controller of it.
 
     Args:
         item: plain data.
-        progress: told about each row of a case.
+        tell: takes what `solve_case` of each controller alone would return, as soon as it is there.
 
     Returns:
         One row for each controller, labels and measures, and beside them ``local_objective``, ``statistics``,
@@ -142,14 +161,16 @@ def solve_case(item: Case | Alone, progress: Progress | None = None) -> Solved:
     task, players = case.posed()
     solved = Solved([], {})
     for name in names:
+        one = Solved([], {})
         row, motion = solve_row(case, task, name, players[name])
         if motion is not None:
             path, content = _trajectory(case, name), netcdf_bytes(motion)
             row["trajectory"] = {"path": path, **stamp(content)}
-            solved.motions[path] = content
-        solved.rows.append(row)
-        if progress and case is item:
-            progress(f"{case.name}: {name}", 1, not_ok([row]))
+            one.motions[path] = content
+        one.rows.append(row)
+        tell(one)
+        solved.rows.extend(one.rows)
+        solved.motions.update(one.motions)
     return solved
 
 

@@ -10,7 +10,7 @@ from occ.atlas.dataset import read_atlas, write_atlas
 from occ.atlas.grid import load_grid
 from occ.atlas.run import make_atlas
 from occ.experiment.pool import Engine
-from tests.experiment import tiny
+from tests.experiment import HERE, tiny
 
 SWEEP = '"motion.radius" = { from = 0.3, to = 1.0, count = 4 }\n"motion.rate" = [-0.4, 0.4, 1.2]\n'
 
@@ -22,8 +22,8 @@ def atlas_text(sweep: str, depth: str = "long_run") -> str:
     return text if depth != "comparison" else text.replace("laps = 1", "duration = 0.5")
 
 
-def made(path: Path, out: Path, engine: Engine | None = None, *overrides: str) -> xr.Dataset:
+def made(path: Path, out: Path, engine: Engine = HERE, *overrides: str) -> xr.Dataset:
     """The atlas of a file, as it is written."""
     grid = load_grid(path, overrides)
-    write_atlas(grid, make_atlas(path, grid, out, engine or Engine()), out)
+    write_atlas(grid, make_atlas(path, grid, out, engine), out)
     return read_atlas(out)

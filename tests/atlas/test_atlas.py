@@ -31,9 +31,10 @@ from occ.theory.equation import reduced_motion, yaw_acceleration
 from occ.theory.minimum_work import minimum_work
 from occ.theory.summary import circle_setting
 from tests.atlas import SWEEP, atlas_text, made
-from tests.experiment.conftest import Occ, Write, occ, write
+from tests.experiment import HERE
+from tests.experiment.conftest import Occ, Write, occ, occ_as_it_is, write
 
-__all__ = ["occ", "write"]
+__all__ = ["occ", "occ_as_it_is", "write"]
 
 
 def test_published_gaps(write: Write, tmp_path: Path) -> None:
@@ -151,7 +152,7 @@ def test_the_critical_radius_is_that_of_occ_circle(write: Write, rate: float) ->
 def test_file_has_units_provenance_and_the_same_values(write: Write, tmp_path: Path) -> None:
     path = write(atlas_text(SWEEP))
     back, grid = made(path, tmp_path / "out"), load_grid(path)
-    columns = make_atlas(path, grid, tmp_path / "out", Engine()).columns
+    columns = make_atlas(path, grid, tmp_path / "out", HERE).columns
     assert set(columns) == set(back.data_vars)
     for name, values in columns.items():
         texts = np.array(REGIMES)[values] if values.dtype == np.int8 else values
@@ -174,11 +175,11 @@ def test_stored_points_are_not_worked_out_again(write: Write, tmp_path: Path, mo
     solved: list[Any] = []
     original = atlas_run.solve
 
-    def counted(item: Any) -> bytes:
+    def counted(item: Any, tell: Any) -> bytes:
         solved.append(item)
         if len(solved) == 3:
             raise KeyboardInterrupt
-        return original(item)
+        return original(item, tell)
 
     monkeypatch.setattr(atlas_run, "solve", counted)
     path = write(atlas_text(SWEEP))
@@ -195,16 +196,16 @@ def test_stored_points_are_not_worked_out_again(write: Write, tmp_path: Path, mo
 
 def test_lost_blocks_are_missing_values_with_reasons_and_are_tried_again(write: Write, tmp_path: Path) -> None:
     class Losing(Engine):
-        def each(self, function: Any, items: Any) -> Any:
+        def each(self, function: Any, items: Any, heard: Any = None) -> Any:
             for number, _ in enumerate(items):
                 yield number, Lost("ended by a test")
 
     path = write(atlas_text('"motion.radius" = [0.6, 0.7]\n', "least_work"))
     grid = load_grid(path)
-    found = make_atlas(path, grid, tmp_path / "out", Losing())
+    found = make_atlas(path, grid, tmp_path / "out", Losing(in_process=True))
     assert np.all(np.isnan(found.columns["long_run_gap_percent"]))
     assert [(item.point, item.message) for item in found.failures] == [(0, "ended by a test"), (1, "ended by a test")]
-    again = make_atlas(path, grid, tmp_path / "out", Engine())
+    again = make_atlas(path, grid, tmp_path / "out", HERE)
     assert again.failures == []
     assert np.all(np.isfinite(again.columns["work_gap_percent"]))
 
@@ -267,7 +268,7 @@ def test_bad_input_is_one_line_and_nothing_is_written(
 
 def test_comparison_loses_only_the_controllers_that_are_lost_alone(write: Write, tmp_path: Path) -> None:
     class Losing(Engine):
-        def each(self, function: Any, items: Any) -> Any:
+        def each(self, function: Any, items: Any, heard: Any = None) -> Any:
             items = list(items)
             for number, outcome in super().each(function, items):
                 gone = isinstance(items[number], Comparison) or getattr(items[number], "controller", "") == "servo law"
@@ -275,11 +276,11 @@ def test_comparison_loses_only_the_controllers_that_are_lost_alone(write: Write,
 
     path = write(atlas_text('"motion.radius" = [0.6, 0.7]\n', "comparison"))
     grid = load_grid(path)
-    found = make_atlas(path, grid, tmp_path / "out", Losing())
+    found = make_atlas(path, grid, tmp_path / "out", Losing(in_process=True))
     assert [(item.point, item.controller, item.message) for item in found.failures] == [
         (point, "servo law", "ended by a test") for point in range(2)
     ]
-    again = make_atlas(path, grid, tmp_path / "out", Engine())
+    again = make_atlas(path, grid, tmp_path / "out", HERE)
     assert again.failures == []
     law = load_experiment(path).cases[0].controllers.index("servo law")
     for name, values in again.rows.items():
@@ -305,7 +306,7 @@ def test_comparison(write: Write, tmp_path: Path) -> None:
     """Rows of the referee with gaps of their class, and no gap where a limit is broken."""
     path = write(atlas_text('"motion.radius" = [0.7, 1.4]\n', "comparison") + "\n[limits]\ntorque = 1.4\n")
     grid = load_grid(path)
-    found = make_atlas(path, grid, tmp_path / "out", Engine())
+    found = make_atlas(path, grid, tmp_path / "out", HERE)
     write_atlas(grid, found, tmp_path / "out")
     data = read_atlas(tmp_path / "out")
     law = data.sel(controller="servo law")

@@ -14,6 +14,7 @@ from occ.atlas.dataset import FILE, read_atlas
 from occ.atlas.grid import load_grid
 from occ.experiment.load import read_toml
 from tests.atlas import made
+from tests.experiment import HERE
 
 ROOT = Path(__file__).parents[2]
 ATLASES = sorted((ROOT / "experiments").glob("atlas_*.toml"))
@@ -44,7 +45,7 @@ def test_committed_values_are_those_of_the_code(path: Path, tmp_path: Path) -> N
     overrides = [text.replace('"', "") for text in overrides]
     if committed.attrs["depth"] == "comparison":
         overrides.append("atlas.depth=long_run")
-    data = made(path, tmp_path, None, *overrides)
+    data = made(path, tmp_path, HERE, *overrides)
     for name in data.data_vars:
         old, new = committed[name].sel(chosen), data[name]
         if old.dtype.kind == "f":

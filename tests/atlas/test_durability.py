@@ -20,6 +20,7 @@ from occ.atlas.grid import load_grid
 from occ.atlas.run import make_atlas
 from occ.experiment.pool import Engine
 from tests.atlas import SWEEP, atlas_text, made
+from tests.experiment import HERE
 from tests.experiment.conftest import Write, write
 from tests.experiment.test_engines_cluster import cluster
 
@@ -32,7 +33,7 @@ LEAST = '[[controller]]\nname = "least"\nkind = "collocation"\nobjective = "torq
 def test_every_engine_makes_the_same_atlas(cluster: str, write: Write, tmp_path: Path, depth: str) -> None:
     sweep = SWEEP if depth != "comparison" else '"motion.radius" = [0.6, 0.7, 0.8]\n'
     path = write(atlas_text(sweep, depth) + (LEAST if depth == "comparison" else ""))
-    engines = {"here": Engine(), "pool": Engine(workers=2), "cluster": Engine(dask=cluster)}
+    engines = {"here": HERE, "pool": Engine(workers=2), "cluster": Engine(dask=cluster)}
     here, *others = [made(path, tmp_path / name, engine) for name, engine in engines.items()]
     for other in others:
         # All values, with NaN where there is none, and all attributes; an atlas holds no times.
@@ -89,7 +90,7 @@ import scipy.linalg, xarray, h5netcdf
 from occ.atlas import run
 from occ.atlas.dataset import write_atlas
 from occ.atlas.grid import load_grid
-from occ.experiment.pool import Engine
+from tests.experiment import HERE
 
 run.SIZES = {"long_run": 1, "least_work": 1}
 path = Path(sys.argv[1])
@@ -100,7 +101,7 @@ while line := sys.stdin.readline():
     wait, out = float(line.split()[0]), Path(line.split()[1])
     pid = os.fork()
     if pid == 0:
-        found = run.make_atlas(path, grid, out, Engine(), lambda *told: time.sleep(0.0 if told[3:] else wait))
+        found = run.make_atlas(path, grid, out, HERE, lambda *told: time.sleep(0.0 if told[3:] else wait))
         write_atlas(grid, found, out)
         os._exit(0)
     print(pid, flush=True)
@@ -110,20 +111,24 @@ while line := sys.stdin.readline():
 
 
 @pytest.mark.slow
-def test_processes_of_a_killed_run_end_by_themselves(write: Write, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("workers", "end"), [(1, signal.SIGTERM), (2, signal.SIGKILL)])
+def test_processes_of_a_killed_run_end_by_themselves(
+    write: Write, tmp_path: Path, workers: int, end: signal.Signals
+) -> None:
     sweep = '"motion.radius" = { from = 0.3, to = 1.0, count = 400 }\n'
     path = write(atlas_text(sweep, "least_work"))
-    command = [sys.executable, "-m", "occ.cli", "atlas", str(path), "--out", str(tmp_path / "out"), "--workers", "2"]
+    command = [sys.executable, "-m", "occ.cli", "atlas", str(path), "--out", str(tmp_path / "out")]
+    command += ["--workers", str(workers)] * (workers > 1)
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         deadline = time.monotonic() + 60
-        while len(children := psutil.Process(process.pid).children()) < 2 and time.monotonic() < deadline:
+        while len(children := psutil.Process(process.pid).children()) < workers and time.monotonic() < deadline:
             time.sleep(0.05)
     finally:
-        process.kill()
-        process.wait()
+        process.send_signal(end)
+        assert process.wait() == -end
     _, alive = psutil.wait_procs(children, timeout=30)
-    assert len(children) == 2
+    assert len(children) == workers
     assert not alive
 
 
@@ -135,7 +140,7 @@ def test_two_runs_into_one_folder_at_once(write: Write, tmp_path: Path) -> None:
     for process in runs:
         _, error = process.communicate(timeout=120)
         assert process.returncode == 0, error
-    assert read_atlas(out).identical(made(path, tmp_path / "alone", Engine()))
+    assert read_atlas(out).identical(made(path, tmp_path / "alone"))
 
 
 @pytest.mark.slow
@@ -217,7 +222,7 @@ def test_worker_killed_in_the_middle_costs_its_case_only(write: Write, tmp_path:
     sizes, run.SIZES = run.SIZES, {"long_run": 1, "least_work": 1}
     try:
         found = make_atlas(path, grid, tmp_path / "out", Engine(workers=2), kill_one)
-        again = make_atlas(path, grid, tmp_path / "out", Engine())
+        again = make_atlas(path, grid, tmp_path / "out", HERE)
     finally:
         run.SIZES = sizes
     assert len(found.failures) <= 1

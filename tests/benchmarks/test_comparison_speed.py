@@ -69,8 +69,7 @@ def test_one_and_two_workers(benchmark: BenchmarkFixture) -> None:
     items = comparisons(int(os.environ.get(TIMED, "40")) if benchmark.enabled else 2)
     seconds, processor, memory = {}, {}, {}
     for workers in (1, 2):
-        # A time limit makes one worker a process of its own, as two are.
-        engine = Engine(workers=workers, time_limit=600.0)
+        engine = Engine(workers=workers)
         begin, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
         outcomes = dict(engine.each(solve, items))
         seconds[workers] = time.perf_counter() - begin

@@ -17,6 +17,7 @@ from occ.motion import MOTIONS as KINDS
 from occ.objectives import OBJECTIVES
 from occ.referee import judge
 from tests.benchmarks.motions import AIMS, KEEPS, LAW, MOTIONS, NO_LESS_THAN, Cell, cells, columns, matrix, page, write
+from tests.experiment import HERE
 
 REPORTS = Path(__file__).parents[2] / "reports"
 TOLERANCE = {"path": 1e-5, "tube": 1e-3, "ends": 1e-3}
@@ -52,9 +53,9 @@ def test_the_table_is_made_from_results_on_disk_and_nothing_is_solved_twice(tmp_
     few = matrix(("rest_to_rest",), ("torque_squared",))
     for table in few.cases[0].tables["controller"][1:]:
         table["starts"] = 1
-    results = run(few, tmp_path / "motions")
+    results = run(few, tmp_path / "motions", HERE)
     told: list[bool] = []
-    again = run(few, tmp_path / "motions", progress=lambda what, rows, failed=0, stored=False: told.append(stored))
+    again = run(few, tmp_path / "motions", HERE, lambda what, rows, failed=0, stored=False: told.append(stored))
     assert told == [True]
     assert again.rows == results.rows
     write(tmp_path)

@@ -1,5 +1,10 @@
 """A small experiment that the tests of this folder change in one place each."""
 
+from occ.experiment.pool import Engine
+
+HERE = Engine(in_process=True)
+"""Where patches hold and nothing has to be started; what users get is another process."""
+
 TINY = """\
 title = "Tiny"
 question = "Does it run?"

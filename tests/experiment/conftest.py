@@ -30,11 +30,22 @@ def write(tmp_path: Path) -> Write:
 
 
 @pytest.fixture
-def occ(monkeypatch: pytest.MonkeyPatch) -> Occ:
-    """Run a command in this process: ``occ("check", path)`` has exit_code, stdout and stderr."""
+def occ_as_it_is(monkeypatch: pytest.MonkeyPatch) -> Occ:
+    """Run a command in this process: ``occ_as_it_is("check", path)`` has exit_code, stdout and stderr."""
     # On a slow machine the error stream would tell how far a run has come.
     monkeypatch.setattr("occ.progress.EVERY", math.inf)
     return lambda *arguments: CliRunner().invoke(app, [str(item) for item in arguments])
+
+
+@pytest.fixture
+def occ(occ_as_it_is: Occ) -> Occ:
+    """The same with all that is solved in this process, where patches hold and nothing has to be started."""
+
+    def _occ(*arguments: object) -> Any:
+        here = arguments[:1] in (("run",), ("atlas",)) and "--dask" not in arguments
+        return occ_as_it_is(*arguments, *["--in-process"] * here)
+
+    return _occ
 
 
 @pytest.fixture

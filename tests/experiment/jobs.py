@@ -5,10 +5,12 @@ Processes of the engines import this module, so that it imports little.
 
 from __future__ import annotations
 
+import ctypes
 import gc
 import math
 import os
 import signal
+import subprocess
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,12 +18,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from occ.errors import InputError
+from occ.experiment.child import Tell, unheard
 
 if TYPE_CHECKING:
     from occ.atlas.comparison import Comparison
+    from occ.task import Solution, Task
 
 
-def work(item: Any) -> Any:
+def work(item: Any, _: Tell = unheard) -> Any:
     """Doubles a number; other items go wrong in their own way."""
     if item == "exit":
         os._exit(3)
@@ -52,9 +56,44 @@ def work(item: Any) -> Any:
     return 2 * item
 
 
-def works(items: list[Any]) -> list[Any]:
-    """`work` of each of them; all are lost with one that takes the process with it."""
-    return [work(item) for item in items]
+def works(items: list[Any], tell: Tell) -> list[Any]:
+    """`work` of each of them, told one by one; those after one that takes the process with it are lost with it."""
+    done = []
+    for item in items:
+        done.append(work(item))
+        tell(done[-1:])
+    return done
+
+
+def noted(item: tuple[Path, list[Any]], tell: Tell) -> list[Any]:
+    """`works` that leaves a line in a file for each that it begins with."""
+    path, items = item
+    done = []
+    for one in items:
+        with path.open("a") as file:
+            print(one, file=file)
+        done += works([one], tell)
+    return done
+
+
+def slowly(steps: int, tell: Tell) -> int:
+    """Takes long, and tells every half of a second that it goes on."""
+    for step in range(steps):
+        time.sleep(0.5)
+        tell(step)
+    return steps
+
+
+def process(_: object, __: Tell) -> int:
+    """The process in which it is called."""
+    return os.getpid()
+
+
+def with_offspring(folder: Path, _: Tell) -> None:
+    """Hangs, and has started something that does the same."""
+    process = subprocess.Popen(["sleep", "1000"])
+    (folder / "begun").write_text(f"{process.pid}")
+    time.sleep(1000.0)
 
 
 class _Unpicklable(Exception):
@@ -63,13 +102,13 @@ class _Unpicklable(Exception):
         self.value = value
 
 
-def matrix_sums(seed: int) -> list[str]:
+def matrix_sums(seed: int, _: Tell) -> list[str]:
     """Numbers whose last bits depend on the order of sums in linear algebra."""
     a = np.random.default_rng(seed).normal(size=(300, 300))
     return [value.hex() for value in (float((a @ a).sum()), float(np.linalg.solve(a, a[0]).sum()), math.sin(seed))]
 
 
-def resident_after(item: Comparison) -> int:
+def resident_after(item: Comparison, _: Tell) -> int:
     """[bytes] Memory of this process after one more comparison."""
     import psutil
 
@@ -81,7 +120,26 @@ def resident_after(item: Comparison) -> int:
     return int(psutil.Process().memory_info().rss)
 
 
-def touch_and_wait(folder: Path) -> str:
+def law_that_crashes(item: Any, tell: Tell) -> bytes:
+    """As `occ.atlas.run.solve`, but that the law ends the process on the circle of 0.7 m."""
+    from occ.atlas.run import solve
+    from occ.laws import ServoLaw
+
+    honest = ServoLaw.solve
+
+    def crash(law: ServoLaw, task: Task) -> Solution:
+        if task.motion.radius == 0.7:
+            ctypes.string_at(0)
+        return honest(law, task)
+
+    ServoLaw.solve = crash
+    try:
+        return solve(item, tell)
+    finally:
+        ServoLaw.solve = honest
+
+
+def touch_and_wait(folder: Path, _: Tell) -> str:
     """Says that it has begun, and takes some time."""
     (folder / f"begun-{os.getpid()}").touch()
     time.sleep(1000.0)

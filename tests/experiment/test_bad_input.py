@@ -218,7 +218,7 @@ def test_a_cluster_that_is_not_there_leaves_nothing(write: Write, occ: Occ, tmp_
     assert list(tmp_path.iterdir()) == [path]
 
 
-@pytest.mark.parametrize("option", ["--time-limit", "--memory-limit"])
+@pytest.mark.parametrize("option", ["--time-limit", "--memory-limit", "--patience"])
 def test_an_option_of_the_engine_is_named_as_it_was_given(write: Write, occ: Occ, option: str) -> None:
     result = occ("run", write(), option, "-1")
     assert (result.exit_code, result.stderr) == (2, f"{option} should be greater than 0, not -1.0\n")

@@ -18,7 +18,7 @@ from occ.errors import InputError
 from occ.experiment.load import load_experiment
 from occ.experiment.pool import Engine, Lost
 from occ.experiment.run import run
-from tests.experiment import tiny
+from tests.experiment import HERE, tiny
 from tests.experiment.conftest import Write
 from tests.experiment.jobs import matrix_sums, touch_and_wait, work
 
@@ -64,7 +64,7 @@ def test_outcomes_are_those_of_the_other_engines(cluster: str) -> None:
     assert lost == {"exit", "sleeps", "killed", "memory"}
     assert [found[key] for key in (1, 2, 3, "threads")] == [2, 4, 6, "1"]
     with threadpool_limits(2):
-        assert dict(engine.each(matrix_sums, range(3))) == dict(Engine().each(matrix_sums, range(3)))
+        assert dict(engine.each(matrix_sums, range(3))) == dict(HERE.each(matrix_sums, range(3)))
     with pytest.raises(InputError, match="of mine"):
         list(engine.each(work, ["input"]))
 
@@ -73,7 +73,7 @@ def test_outcomes_are_those_of_the_other_engines(cluster: str) -> None:
 def test_results_are_those_of_the_other_engines(cluster: str, write: Write, tmp_path: Path) -> None:
     sweep = '[[controller]]\nname = "least"\nkind = "collocation"\nobjective = "torque_squared"\nintervals = 4\n'
     experiment = load_experiment(write(tiny(more=sweep + '[sweep]\n"motion.radius" = [0.6, 0.7, 0.8]\n')))
-    engines = {"here": Engine(), "pool": Engine(workers=2), "cluster": Engine(dask=cluster)}
+    engines = {"here": HERE, "pool": Engine(workers=2), "cluster": Engine(dask=cluster)}
     for name, engine in engines.items():
         run(experiment, tmp_path / name, engine)
     for file in ("results.csv", *(f"trajectories/{case.slug}@least.nc" for case in experiment.cases)):

@@ -14,10 +14,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 import xarray as xr
 
 from occ.errors import InputError
+from occ.experiment.assessment import Assessment
 from occ.experiment.bounds import BOUND_COLUMNS
 from occ.experiment.case import Case
 from occ.experiment.load import load_experiment
@@ -27,7 +29,7 @@ from occ.experiment.run import run
 from occ.laws import PrescribedRotation, ServoLaw
 from occ.referee import MEASURES, judge
 from occ.task import Solution, Start, Task
-from tests.experiment import tiny
+from tests.experiment import HERE, tiny
 from tests.experiment.conftest import Occ, Write
 
 SWEEP = '[compare]\nobjectives = ["work", "torque_squared"]\n[sweep]\nhorizon = [{ duration = 0.5 }, { laps = 0.05 }]\n'
@@ -95,26 +97,24 @@ def test_from_file_to_folder(write: Write, occ: Occ, tmp_path: Path, monkeypatch
 
 def test_every_number_is_the_referees(write: Write, tmp_path: Path) -> None:
     experiment = load_experiment(write())
-    results = run(experiment, tmp_path / "out")
+    results = run(experiment, tmp_path / "out", HERE)
     (case,) = experiment.cases
     for row, player in zip(results.rows, case.players().values(), strict=True):
         task = case.task()
         assert {name: row[name] for name in MEASURES} == judge(task, player.solve(task)).measures
 
 
-def test_results_do_not_depend_on_run_or_workers(write: Write, tmp_path: Path) -> None:
+def test_results_do_not_depend_on_run_or_process(write: Write, tmp_path: Path) -> None:
     experiment = load_experiment(write(tiny(more=SWEEP)))
-    for name, workers in (("first", 1), ("second", 1), ("pool", 2)):
-        run(experiment, tmp_path / name, Engine(workers=workers))
-    files = ["results.csv", *(f"trajectories/{case.slug}@servo_law.nc" for case in experiment.cases)]
-    for file in files:
-        first, *others = [(tmp_path / name / file).read_bytes() for name in ("first", "second", "pool")]
-        assert others == [first, first]
+    run(experiment, tmp_path / "first", HERE)
+    run(experiment, tmp_path / "second")
+    for file in ["results.csv", *(f"trajectories/{case.slug}@servo_law.nc" for case in experiment.cases)]:
+        assert (tmp_path / "first" / file).read_bytes() == (tmp_path / "second" / file).read_bytes()
 
 
 def test_results_are_read_back_as_they_were(write: Write, tmp_path: Path) -> None:
     more = '[sweep]\n"controller.translation.rate" = [1, "program"]\n"motion.radius" = [0.6, 1]\n'
-    results = run(load_experiment(write(tiny(more=more))), tmp_path / "out")
+    results = run(load_experiment(write(tiny(more=more))), tmp_path / "out", HERE)
     loaded = Results.load(tmp_path / "out")
     assert loaded == results
     assert [row["motion.radius"] for row in loaded.rows[::2]] == [0.6, 1.0, 0.6, 1.0]
@@ -152,10 +152,10 @@ class Losing(Engine):
 
     lost: tuple[str, ...] = ()
 
-    def each(self, function: Any, items: Any) -> Any:
+    def each(self, function: Any, items: Any, heard: Any = None) -> Any:
         items = list(items)
         for number, outcome in super().each(function, items):
-            gone = isinstance(items[number], Case) or items[number].controller in self.lost
+            gone = isinstance(items[number], Case) or getattr(items[number], "controller", None) in self.lost
             yield number, Lost("ended by a test") if gone else outcome
 
 
@@ -163,16 +163,19 @@ def test_controller_that_takes_its_process_with_it_costs_its_own_row(write: Writ
     """The rows of the others are those of an undisturbed run, bounds and files included."""
     least = '[[controller]]\nname = "least"\nkind = "collocation"\nobjective = "torque_squared"\nintervals = 4\n'
     experiment = load_experiment(write(tiny(more=least + SWEEP)))
-    whole = run(experiment, tmp_path / "whole")
+    whole = run(experiment, tmp_path / "whole", HERE)
 
     class LosingOne(Losing):
         lost = ("translation",)
 
     told: list[tuple[int, int]] = []
     cut = run(
-        experiment, tmp_path / "cut", LosingOne(), lambda _, rows, failed=0, stored=False: told.append((rows, failed))
+        experiment,
+        tmp_path / "cut",
+        LosingOne(in_process=True),
+        lambda _, rows, failed=0, stored=False: told.append((rows, failed)),
     )
-    assert told[-2:] == [(3, 1), (3, 1)]
+    assert told == [(1, 0), (1, 1), (1, 0)] * 2
     for row, other in zip(cut.rows, whole.rows, strict=True):
         if row["controller"] == "translation":
             assert (row["status"], row["message"], row["work_J"]) == ("crashed", "ended by a test", None)
@@ -183,7 +186,7 @@ def test_controller_that_takes_its_process_with_it_costs_its_own_row(write: Writ
     kept = sorted(path.name for path in (tmp_path / "cut" / "trajectories").iterdir())
     assert kept == [name for name in files if "translation" not in name]
     # Such a case is tried again, and one whose controllers have all finished alone is not.
-    again = run(experiment, tmp_path / "cut", Losing())
+    again = run(experiment, tmp_path / "cut", Losing(in_process=True))
     assert again.rows == whole.rows
     for name in ("results.csv", *(f"trajectories/{name}" for name in files)):
         assert (tmp_path / "cut" / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
@@ -197,11 +200,31 @@ def test_controller_that_takes_its_process_with_it_costs_its_own_row(write: Writ
         ]
 
 
+def test_search_for_a_bound_that_takes_its_process_with_it_costs_the_bound(write: Write, tmp_path: Path) -> None:
+    class LosingBounds(Engine):
+        def each(self, function: Any, items: Any, heard: Any = None) -> Any:
+            for number, outcome in super().each(function, items):
+                yield number, Lost("ended by a test") if isinstance(outcome, Assessment) else outcome
+
+    least = '[[controller]]\nname = "least"\nkind = "collocation"\nobjective = "torque_squared"\nintervals = 4\n'
+    experiment = load_experiment(write(tiny(("rate = 0.0", "rate = 1e9"), more=least + SWEEP)))
+    whole = run(experiment, tmp_path / "out", HERE)
+    cut = run(experiment, tmp_path / "out", LosingBounds(in_process=True))
+    proven = ("work_bound", "work_bound_kind", "work_gap_percent", "work_gap_uncertainty_percent")
+    said = "no proven bound: ended by a test"
+    for row, other in zip(cut.rows, whole.rows, strict=True):
+        # Local bounds need nothing but the rows.
+        assert row == other | dict(zip(proven, (None, "none", None, None), strict=True)) | {"message": row["message"]}
+        assert row["message"] == "; ".join(filter(None, [other["message"], said if row["status"] == "ok" else ""]))
+        assert other["work_bound_kind"] == ("exact" if row["status"] == "ok" else "none")
+    assert {row["status"] for row in cut.rows} != {"ok"}
+
+
 def test_control_that_cannot_be_judged_is_a_crashed_row(
     write: Write, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(PrescribedRotation, "solve", lambda *_: "not a solution")
-    _, row = run(load_experiment(write()), tmp_path / "out").rows
+    _, row = run(load_experiment(write()), tmp_path / "out", HERE).rows
     assert row["status"] == "crashed"
     assert row["message"] == "the player returned a str, not a Solution"
 
@@ -221,7 +244,7 @@ def test_limit_too_tight_is_infeasible_in_words(write: Write, occ: Occ, tmp_path
 def test_optimum_bounds_the_law(write: Write, tmp_path: Path) -> None:
     more = '[[controller]]\nname = "min torque"\nkind = "collocation"\nobjective = "torque_squared"\nintervals = 4\n'
     text = tiny(more=more + '[compare]\nobjectives = ["work", "torque_squared"]\n')
-    law, translation, optimum = run(load_experiment(write(text)), tmp_path / "out").rows
+    law, translation, optimum = run(load_experiment(write(text)), tmp_path / "out", HERE).rows
     value = optimum["torque_squared_N2m2s"]
     assert (optimum["torque_squared_bound"], optimum["torque_squared_gap_percent"]) == (value, 0.0)
     assert (law["torque_squared_bound"], law["torque_squared_bound_kind"]) == (value, "local")
@@ -241,7 +264,7 @@ def heeding() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("heeding")
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_interrupt_keeps_what_is_finished(write: Write, tmp_path: Path, workers: int) -> None:
     path = write(tiny(more='[sweep]\n"motion.radius" = { from = 0.5, to = 0.9, count = 80 }\n'))
     out = tmp_path / "out"
@@ -250,8 +273,11 @@ def test_interrupt_keeps_what_is_finished(write: Write, tmp_path: Path, workers:
     deadline = time.monotonic() + 60
     while len(list(out.glob(".store/*.json"))) < 1 and time.monotonic() < deadline and process.poll() is None:
         time.sleep(0.02)
+    children = psutil.Process(process.pid).children()
     process.send_signal(signal.SIGINT)
     stdout, stderr = process.communicate(timeout=60)
+    assert len(children) == workers
+    assert not any(child.is_running() for child in children)
     assert process.returncode == 130, stderr
     # A slow machine is told before how far it has come, and nothing else.
     *told, last = stderr.splitlines()
@@ -274,7 +300,7 @@ def test_interrupt_that_a_solver_swallows_is_not_lost(
 
     monkeypatch.setattr(ServoLaw, "solve", swallowing)
     with pytest.raises(KeyboardInterrupt):
-        run(load_experiment(write(tiny())), tmp_path / "out")
+        run(load_experiment(write(tiny())), tmp_path / "out", HERE)
     assert not list((tmp_path / "out").glob(".store/*.json"))
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 

@@ -19,7 +19,7 @@ from occ.experiment.run import run
 from occ.experiment.store import Store, replacing, stamp, write_text
 from occ.laws import ServoLaw
 from occ.task import Solution, Task
-from tests.experiment import tiny
+from tests.experiment import HERE, tiny
 from tests.experiment.conftest import Occ, Write
 
 ROWS = [{"controller": "a", "work_J": 0.1 + 0.2, "trajectory": None}]
@@ -113,10 +113,10 @@ TWO_CASES = tiny(more='[sweep]\n"motion.radius" = [0.6, 0.7]\n')
 
 def test_second_run_solves_nothing_and_writes_the_same(write: Write, tmp_path: Path, solves: list[Task]) -> None:
     experiment, out = load_experiment(write(TWO_CASES)), tmp_path / "out"
-    run(experiment, out)
+    run(experiment, out, HERE)
     table = (out / "results.csv").read_bytes()
     assert len(solves) == 2
-    run(experiment, out)
+    run(experiment, out, HERE)
     assert len(solves) == 2
     assert (out / "results.csv").read_bytes() == table
 
@@ -125,30 +125,30 @@ def test_a_row_without_a_trajectory_is_resumed_like_any_other(write: Write, tmp_
     # Out of reach of every allocation: the player itself says so, and there is no motion to store.
     box = ('kind = "servo"', 'kind = "servo"\nallocation = { kind = "box_qp" }')
     experiment, out = load_experiment(write(tiny(box, more="[limits]\ntorque = 0.01\n"))), tmp_path / "out"
-    run(experiment, out)
+    run(experiment, out, HERE)
     table = (out / "results.csv").read_bytes()
     assert b"infeasible" in table
-    run(experiment, out)
+    run(experiment, out, HERE)
     assert len(solves) == 1
     assert (out / "results.csv").read_bytes() == table
 
 
 def test_only_what_is_damaged_is_solved_again(write: Write, tmp_path: Path, solves: list[Task]) -> None:
     experiment, out = load_experiment(write(TWO_CASES)), tmp_path / "out"
-    run(experiment, out)
+    run(experiment, out, HERE)
     table = (out / "results.csv").read_bytes()
     first, second = (Store(out).path(case.key) for case in experiment.cases)
     first.write_bytes(first.read_bytes()[:-20])
-    run(experiment, out)
+    run(experiment, out, HERE)
     assert [task.motion.values()[0] for task in solves[2:]] == [0.6]
     trajectory = out / "trajectories" / "motion.radius=0.7@servo_law.nc"
     content = trajectory.read_bytes()
     trajectory.unlink()
-    run(experiment, out)
+    run(experiment, out, HERE)
     assert [task.motion.values()[0] for task in solves[3:]] == [0.7]
     assert trajectory.read_bytes() == content
     second.unlink()
-    run(experiment, out)
+    run(experiment, out, HERE)
     assert len(solves) == 5
     assert (out / "results.csv").read_bytes() == table
 
@@ -157,10 +157,10 @@ def test_another_case_is_solved_although_its_neighbour_is_stored(
     write: Write, tmp_path: Path, solves: list[Task]
 ) -> None:
     path = write(TWO_CASES)
-    run(load_experiment(path), tmp_path / "out")
-    run(load_experiment(path, ["sweep.motion.radius=[0.7, 0.8]"]), tmp_path / "out")
+    run(load_experiment(path), tmp_path / "out", HERE)
+    run(load_experiment(path, ["sweep.motion.radius=[0.7, 0.8]"]), tmp_path / "out", HERE)
     assert [task.motion.values()[0] for task in solves] == [0.6, 0.7, 0.8]
-    run(load_experiment(path, ["limits.torque=9.0"]), tmp_path / "out")
+    run(load_experiment(path, ["limits.torque=9.0"]), tmp_path / "out", HERE)
     assert len(solves) == 5
 
 
