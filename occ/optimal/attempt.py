@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -107,10 +108,10 @@ class Attempt:
     @property
     def excess_share(self) -> float:
         """Mean over time of the largest excess over a limit, relative to the limit: what a back-off would cost."""
-        if self.arcs is None or not self.arcs.hard:
+        if self.arcs is None or not len(self.arcs.largest):
             return 0.0
         widths = np.diff(self.edges)
-        return float(self.arcs.hard_excess.max(axis=0) @ widths / widths.sum())
+        return float(self.arcs.excess.max(axis=0) @ widths / widths.sum())
 
     @property
     def hard_excess(self) -> float:
@@ -135,6 +136,18 @@ class Attempt:
             return 0.0
         clipped = self.error.total if self.error is not None and len(self.arcs.clipped) else 0.0
         return max(self.excess_share, self.largest_excess, clipped)
+
+    @property
+    def quality(self) -> dict[str, float | None]:
+        """What is claimed of a solution that is fine, for the record of the run."""
+        assert self.error is not None
+        return {
+            "claimed_cost": self.outcome.cost,
+            "error": self.error.total,
+            "doubled_mesh": self.doubled if math.isfinite(self.doubled) else None,
+            "control_growth": self.growth if math.isfinite(self.growth) else None,
+            "limits_cost": self.dearer,
+        }
 
     @property
     def words(self) -> str:

@@ -32,17 +32,20 @@ class Tightening:
     """What is changed in a problem so that its solution holds the limits between the nodes, too.
 
     Args:
-        taken: (hard, N) part that is taken off each limit in each interval.
+        taken: (k, N) part that is taken off each limit in each interval; behind them, where the largest torque is the
+            cost, part of it by which each torque is kept below it.
         held: (nu, N) controls that are held, NaN where they are free.
+        largest: [N m] torque of which these parts are taken.
     """
 
     taken: np.ndarray
     held: np.ndarray
+    largest: float = 0.0
 
     @property
     def doubled(self) -> Tightening:
         """The same with every interval cut in two."""
-        return Tightening(np.repeat(self.taken, 2, axis=1), np.repeat(self.held, 2, axis=1))
+        return replace(self, taken=np.repeat(self.taken, 2, axis=1), held=np.repeat(self.held, 2, axis=1))
 
     @property
     def is_possible(self) -> bool:
@@ -62,7 +65,8 @@ class Tightening:
             Numbers with bounds node by node.
         """
         holds = np.isfinite(self.held).any(axis=0)
-        path = formulation.path_bounds(np.where(holds, LOOSE, self.taken), degree)
+        loose = holds & _controlled(formulation)[:, None]
+        path = formulation.path_bounds(np.where(loose, LOOSE, self.taken), degree, self.largest)
         if not holds.any():
             return replace(numbers, path=path)
         free = numbers.control or Bounds.free(len(self.held))
@@ -76,19 +80,24 @@ class Tightening:
         return Nodes(nodes.edges, nodes.points, np.where(np.isfinite(held), held, nodes.control))
 
 
-def tightened(formulation: Formulation, attempt: Attempt, before: Tightening | None) -> Tightening:
+def tightened(
+    formulation: Formulation, attempt: Attempt, before: Tightening | None, allowed: float = 0.0
+) -> Tightening:
     """The next tightening: more off the limits that are passed, and controls held where they jump.
 
     Args:
         formulation: of the task.
         attempt: that passes limits between its nodes.
         before: with which it was solved; None where it was solved as it is.
+        allowed: part by which the largest torque, where that is the cost, may be passed.
 
     Returns:
         A tightening that is stronger.
     """
     assert attempt.arcs is not None
-    excess = attempt.arcs.hard_excess
+    excess = attempt.arcs.excess.copy()
+    soft = excess[attempt.arcs.hard :]
+    soft[soft <= allowed] = 0.0
     nu = attempt.transcription.sizes[1]
     if before is None:
         before = Tightening(np.zeros_like(excess), np.full((nu, excess.shape[1]), np.nan))
@@ -96,13 +105,24 @@ def tightened(formulation: Formulation, attempt: Attempt, before: Tightening | N
     slack = 1.0 - attempt.arcs.node_load[: len(excess)].reshape(*excess.shape, -1).max(axis=2)
     taken = np.where(excess > 0.0, np.maximum(before.taken, slack) + MORE * excess, before.taken)
     holds = np.isfinite(before.held).any(axis=0)
-    passed = excess.max(axis=0)
+    controlled = _controlled(formulation)[:, None]
+    passed = np.where(controlled, excess, 0.0).max(axis=0)
     new = np.flatnonzero((passed > np.where(holds, 0.0, JUMP)) & can_hold(formulation))
     held = before.held.copy()
-    for interval, values in zip(new, held_controls(formulation, attempt, new, taken), strict=True):
+    # A control that is held from now on does not overshoot as its polynomial did.
+    least = np.where(holds | ~controlled, taken, before.taken)
+    for interval, values in zip(new, held_controls(formulation, attempt, new, least), strict=True):
         if values is not None:
-            held[: len(values), interval] = values
-    return Tightening(_spread(taken, np.isfinite(held).any(axis=0)), held)
+            held[: len(values), interval], taken[:, interval] = values, least[:, interval]
+    largest = float(attempt.outcome.nodes.edges[-1, -1]) if len(soft) else 0.0
+    return Tightening(_spread(taken, np.isfinite(held).any(axis=0)), held, largest)
+
+
+def _controlled(formulation: Formulation) -> np.ndarray:
+    """(k,) of booleans: the control itself is in the limited quantity, or in the torque that the largest bounds."""
+    controlled, hard = formulation.problem().controlled, len(formulation.hard_limits)
+    peaks = formulation.shape.following()[3]
+    return np.concatenate([controlled[:hard], controlled[len(controlled) - peaks :][: peaks // 2]])
 
 
 def _spread(taken: np.ndarray, holds: np.ndarray) -> np.ndarray:
@@ -133,7 +153,7 @@ def can_hold(formulation: Formulation) -> bool:
 def held_controls(
     formulation: Formulation, attempt: Attempt, intervals: np.ndarray, taken: np.ndarray
 ) -> list[np.ndarray | None]:
-    """The constant controls nearest to the mean ones that hold the limits on the motion as it is.
+    """The constant controls nearest to the mean ones that hold the limits that they are in, on the motion as it is.
 
     Args:
         formulation: of the task.
@@ -160,11 +180,11 @@ def held_controls(
     at_mean = at(np.zeros(len(mean)))
     steps = np.eye(len(mean))[:count] * size
     slopes = np.stack([at(step) - at_mean for step in steps])
-    most = 1.0 - MARGIN - taken
+    most, rows = 1.0 - MARGIN - taken, _controlled(formulation)
     found = []
     for k in intervals:
-        room = np.repeat(most[:, k], at_mean.shape[2])
-        change = _smallest_change(at_mean[:, k].ravel(), slopes[:, :, k].reshape(count, -1), room)
+        room = np.repeat(most[rows, k], at_mean.shape[2])
+        change = _smallest_change(at_mean[rows, k].ravel(), slopes[:, rows, k].reshape(count, -1), room)
         found.append(None if change is None else mean[:count, k] + change * size[:count])
     return found
 

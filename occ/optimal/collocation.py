@@ -30,7 +30,7 @@ from occ.optimal.shape import EndConditions, Settings
 from occ.optimal.singular import note
 from occ.optimal.smoothing import Settled, settled
 from occ.optimal.solvers import SolverName, SolverOptions
-from occ.optimal.starts import Minimum, distinct, starts_of
+from occ.optimal.starts import Minimum, distinct, found_in_words, starts_of
 from occ.task import Claim, EndClass, Keep, Solution, Task
 
 LAYER = 3.0
@@ -48,6 +48,8 @@ LEAST_NON_SMOOTH = 1e-11
 """Below this the solver's linear equations lose the digits of the pairs."""
 LEAST_TOLERANCE = 1e-12
 """Below this the error between nodes is rounding, and no mesh would do."""
+STARTS = 6
+"""Where nothing is said and a start takes milliseconds: the law's may end in a minimum that is a quarter dearer."""
 EXTRA_TURNS = 1
 """Windings that ``any`` tries beyond those between no turn and the turns of the program."""
 
@@ -75,7 +77,8 @@ class Collocation:
         intervals: of the first mesh; the mesh is refined until the tolerance holds.
         degree: of the state's polynomials in each interval.
         tolerance: largest error between nodes, relative to max(1, size) of each state and of the cost.
-        starts: guesses from which the first mesh is solved; the best minimum is kept.
+        starts: guesses from which the first mesh is solved; the best minimum is kept.  Left out: 6 with B on its
+            path and a cost without kinks, where a start takes milliseconds, and 1 elsewhere.
         solver: of the nonlinear program: ``ipopt``, or ``fatrop``, which goes through the horizon stage by stage, and
             which ipopt takes over from where it gives up.
         compiled: the program's functions in machine code where there is a C compiler (solver fatrop): the same numbers
@@ -117,7 +120,7 @@ class Collocation:
     intervals: Annotated[int, Ge(2), Le(MOST_INTERVALS)] = 16
     degree: Annotated[int, Ge(2), Le(12)] = 5
     tolerance: Annotated[float, Ge(LEAST_TOLERANCE)] = 1e-6
-    starts: Annotated[int, Ge(1), Le(200)] = 1
+    starts: Annotated[int, Ge(1), Le(200)] | None = None
     solver: SolverName = "ipopt"
     compiled: bool = False
     arcs: bool = True
@@ -169,16 +172,26 @@ class Collocation:
         return self.formulation == "full" or self.keep != "path"
 
     @property
-    def aim(self) -> Aim:
-        """The weighted sum of objectives that is minimised."""
-        asked = Aim.single(self.objective) if self.weights is None else Aim.weighted(self.weights)
-        return asked.regularised(self.keep)
+    def asked(self) -> Aim:
+        """The weighted sum of objectives that is asked for."""
+        return Aim.single(self.objective) if self.weights is None else Aim.weighted(self.weights)
+
+    def aim(self, task: Task) -> Aim:
+        """The weighted sum of objectives that is minimised, with what settles it."""
+        return self.asked.regularised(self.keep, task.limits)
+
+    @property
+    def start_count(self) -> int:
+        """Guesses from which the first mesh is solved."""
+        if self.starts is not None:
+            return self.starts
+        return STARTS if self.keep == "path" and not is_non_smooth(self.asked.terms) else 1
 
     @property
     def options(self) -> SolverOptions:
         """Of the solver of the nonlinear programs."""
         tolerance = SolverOptions().tolerance
-        if is_non_smooth(self.aim.terms):
+        if is_non_smooth(self.asked.terms):
             # Slacks that are zero over whole arcs converge slowly: no more than what the error between nodes asks for.
             most, part = NON_SMOOTH_TOLERANCE
             tolerance = max(min(most, part * self.tolerance), LEAST_NON_SMOOTH)
@@ -270,8 +283,9 @@ class Collocation:
             # Equal steps: the error of constant torques is everywhere, not in the layers.
             mesh = np.linspace(0.0, task.duration, self.intervals + 1)
         else:
-            terms = self.aim.terms
-            layer = SINGULAR_LAYER if not is_regular(terms) else NON_SMOOTH_LAYER if is_non_smooth(terms) else LAYER
+            aim = self.aim(task)
+            small = aim.is_regularised or is_non_smooth(aim.terms)
+            layer = SINGULAR_LAYER if not is_regular(aim.terms) else NON_SMOOTH_LAYER if small else LAYER
             width = layer * friction_time(task.platform) / task.duration
             mesh = graded_mesh(self.intervals, width) * task.duration
         knots = task.motion.knots(task.duration)
@@ -294,12 +308,13 @@ class Collocation:
                 return None
             law_end = task.state_on_program(task.duration, *motion[:2, -1])
         settings = Settings(
-            aim=self.aim,
+            aim=self.aim(task),
             ends=EndConditions(start=self.start, end=self.end, winding=winding, law_end=law_end),
             keep=self.keep,
             radius=self.radius,
             scheme=self.scheme,
             constant=self.control == "constant",
+            tolerance=self.tolerance,
         )
         return Full(task, settings) if self.is_full else Reduced(task, settings)
 
@@ -321,8 +336,13 @@ class Collocation:
         if passed:
             return replace(failed, status=Status.INFEASIBLE, message=passed)
         search = Search(formulation, self.method)
-        starts = starts_of(task, self.starts, formulation.settings.ends.turn, free=self.start == "free")
-        attempts = search.starts(self.first_mesh(task), starts)
+        starts = starts_of(task, self.start_count, formulation.settings.ends.turn, free=self.start == "free")
+        # Where nothing is said, the others are for better minima; limits that the first cannot hold, they hardly can.
+        first = starts if self.starts is not None else starts[:1]
+        mesh = self.first_mesh(task)
+        attempts = search.starts(mesh, first)
+        if any(attempt.outcome.status is Status.OK for attempt in attempts.values()):
+            attempts |= search.starts(mesh, starts[len(first) :])
         minima = distinct(formulation, attempts)
         attempt, reason = search.run(minima[0].attempt if minima else attempts[starts[0].name])
         statistics: dict[str, Any] = {
@@ -332,34 +352,20 @@ class Collocation:
         if attempt.outcome.status is not Status.OK or reason:
             status = attempt.outcome.status if attempt.outcome.status is not Status.OK else Status.FAILED
             return replace(failed, status=status, message=reason, statistics=statistics)
-        smoothed = settled(search, attempt) if self.aim.is_regularised else None
+        smoothed = settled(search, attempt) if formulation.settings.aim.is_regularised else None
         if smoothed is not None:
             formulation, attempt = smoothed.search.formulation, smoothed.attempt
             statistics |= smoothed.statistics
         solution = self._solution(formulation, attempt, self._notes(formulation, attempt, minima, smoothed))
+        complementarity = formulation.complementarity(attempt.transcription, attempt.outcome.nodes, attempt.numbers)
         given_up = [r["instead"] for r in search.rounds if "instead" in r]
         helped = [f"{len(given_up)} of {len(search.rounds)} solves by ipopt: {given_up[0]}"] if given_up else []
         return replace(
             solution,
             message="; ".join([solution.message, *helped]),
             claim=claim,
-            statistics=statistics | self._quality(formulation, attempt),
+            statistics=statistics | attempt.quality | {"complementarity_W": complementarity},
         )
-
-    @staticmethod
-    def _quality(formulation: Formulation, attempt: Attempt) -> dict[str, float | None]:
-        """What is claimed of a solution that is fine: cost, errors, complementarity."""
-        assert attempt.error is not None
-        return {
-            "claimed_cost": attempt.outcome.cost,
-            "error": attempt.error.total,
-            "doubled_mesh": attempt.doubled if math.isfinite(attempt.doubled) else None,
-            "control_growth": attempt.growth if math.isfinite(attempt.growth) else None,
-            "limits_cost": attempt.dearer,
-            "complementarity_W": formulation.complementarity(
-                attempt.transcription, attempt.outcome.nodes, attempt.numbers
-            ),
-        }
 
     def _solution(self, formulation: Formulation, attempt: Attempt, notes: list[str]) -> Solution:
         transcription, nodes, edges = attempt.transcription, attempt.outcome.nodes, attempt.edges
@@ -376,13 +382,9 @@ class Collocation:
     ) -> list[str]:
         """What there is to say of a solution that is fine."""
         notes = [f"local optimum, {attempt.words}"]
-        if not is_regular(self.aim.terms):
+        if not is_regular(formulation.settings.aim.terms):
             notes.append(note(formulation, attempt, by_switching=self.arcs))
         if smoothed is not None:
             notes.append(smoothed.words("units" if self.objective == "weighted" else objective(self.objective).unit))
-        if self.starts > 1:
-            worst = max(minimum.cost for minimum in minima)
-            more = 100 * (worst / minima[0].cost - 1) if minima[0].cost > 0 else math.nan
-            others = f", the worst {more:.3g} % above the least" if len(minima) > 1 and math.isfinite(more) else ""
-            notes.append(f"{len(minima)} distinct local minima from {self.starts} starts{others}")
-        return notes
+        notes += formulation.words_of_rates(attempt.transcription, attempt.edges, attempt.outcome)
+        return notes + ([found_in_words(minima, self.start_count)] if self.start_count > 1 else [])

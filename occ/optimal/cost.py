@@ -7,7 +7,7 @@ p, p - P is zero: the complementarity residual says how well.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -15,10 +15,10 @@ import numpy as np
 from occ.checks import NonNegative, check_fields
 from occ.errors import InputError
 from occ.objectives import OBJECTIVES, Objective
-from occ.task import Keep
+from occ.task import Keep, Limits
 
 REGULARISER = 1e-3
-"""Copper loss, in units of the real one, that is added to a cost of powers without curvature in the torques.
+"""Copper loss, in units of the real one, that is added to a cost of powers which does not determine the torques.
 
 It smooths jumps of the velocity over a few milliseconds; what that costs is found for each solution
 (`occ.optimal.smoothing`)."""
@@ -72,43 +72,50 @@ class Aim:
     Args:
         terms: names of the objectives: what a program is built for.
         weights: their factors: numbers that may change between two solves.
+        is_regularised: whether the last term is a copper loss that settles what the others leave open.
     """
 
     terms: tuple[str, ...]
     weights: tuple[float, ...]
+    is_regularised: bool = False
 
     @classmethod
     def single(cls, name: str) -> Aim:
         """One objective."""
         return cls((name,), (1.0,))
 
-    def regularised(self, keep: Keep) -> Aim:
-        """With a small copper loss where slacks or a largest torque would leave torques undetermined.
+    def regularised(self, keep: Keep, limits: Limits) -> Aim:
+        """With a small copper loss where nothing else determines the torques, or bounds them.
 
         A linear cost of powers, or of one torque among many, has many minima or none that is attained; the copper loss
-        is the physical cost that chooses among them.
+        is the physical cost that chooses among them.  Signed work needs it only where all that limits a torque is the
+        wheel's power: a wheel at rest has none, and the optimum brakes with any torque while the wheel stops.
 
         Args:
             keep: of B.
+            limits: of the wheels.
+
+        Returns:
+            The same where the cost has curvature in every torque, or does without it.
         """
-        items = objectives_of(self.terms)
-        if is_regular(self.terms) or not is_non_smooth(self.terms):
+        unbounded = limits.wheel_power is not None and limits.torque is None and limits.torque_speed_line is None
+        if is_regular(self.terms) or not (is_non_smooth(self.terms) or (unbounded and keep != "path")):
             return self
+        items = objectives_of(self.terms)
         powers = sum(weight for item, weight in zip(items, self.weights, strict=True) if not item.largest)
         largest = sum(weight for item, weight in zip(items, self.weights, strict=True) if item.largest)
         added = (REGULARISER * powers + LARGEST_REGULARISER * largest) * LOOSE[keep]
-        return Aim((*self.terms, "copper_loss"), (*self.weights, added))
+        return Aim((*self.terms, "copper_loss"), (*self.weights, added), is_regularised=True)
 
-    @property
-    def is_regularised(self) -> bool:
-        """Whether the last term is a copper loss that settles what the others leave open."""
-        return self.terms[-1] == "copper_loss" and not is_regular(self.terms[:-1]) and is_non_smooth(self.terms)
+    def with_last(self, weight: float) -> Aim:
+        """The same with another factor of the last term."""
+        return replace(self, weights=(*self.weights[:-1], weight))
 
     def easier(self) -> list[Aim]:
-        """Easier ones, the easiest first: signed, then with more of the added copper loss; none without such a loss."""
-        if not self.is_regularised:
+        """Easier ones, the easiest first: signed, then with more of the added copper loss; none without kinks."""
+        if not (self.is_regularised and is_non_smooth(self.terms)):
             return []
-        rougher = [Aim(self.terms, (*self.weights[:-1], factor * self.weights[-1])) for factor in SOFTER]
+        rougher = [self.with_last(factor * self.weights[-1]) for factor in SOFTER]
         return [rougher[0].signed, *rougher]
 
     @property

@@ -16,17 +16,22 @@ import numpy as np
 from occ.control import Control
 from occ.model.coefficients import coefficients
 from occ.model.dynamics import friction_time
-from occ.optimal.cost import is_regular, slack_shares
+from occ.optimal.cost import has_largest, is_regular, slack_shares
 from occ.optimal.error import fine_points
 from occ.optimal.limits import limit_values, limited_quantities, line_numbers
 from occ.optimal.problem import Bounds, Nodes, Numbers, Problem, flat
 from occ.optimal.shape import Settings, Shape
-from occ.optimal.transcription import Transcription
+from occ.optimal.transcription import Outcome, Transcription
 from occ.task import Task
 from occ.trajectory import Trajectory
 
 DAMPING = 1e-6
 """Size of the smallest cost that settles what nothing else determines, in units of the natural one."""
+SETTLING = 0.02
+"""Cost of torque rates on their limit where nothing else settles them, in units of the tolerance and of the power that
+friction takes from the program."""
+MOMENTS = 400
+"""Times at which the program's speed is looked at for its mean power."""
 
 Rotation = Callable[[np.ndarray], np.ndarray]
 """t (N,) [s] -> (3, N) heading, yaw rate, yaw acceleration: a guess of the motion with B on its program."""
@@ -108,12 +113,14 @@ class Formulation(ABC):
         values = limit_values(self.task.limits, self.task.platform.wheel_count)
         return np.append(values, 1.0) if self.settings.keep == "tube" else values
 
-    def path_bounds(self, taken: np.ndarray | None = None, degree: int = 1) -> Bounds:
+    def path_bounds(self, taken: np.ndarray | None = None, degree: int = 1, largest: float = 0.0) -> Bounds:
         """Bounds of the path conditions.
 
         Args:
-            taken: (hard, N) part that is taken off each limit in each interval; None takes nothing off.
+            taken: (hard, N) part that is taken off each limit in each interval; None takes nothing off.  Behind them,
+                where the largest torque is the cost, (n, N) parts of it by which each torque is kept below it.
             degree: of the transcription, with ``taken``.
+            largest: [N m] torque of which these parts are taken.
 
         Returns:
             (nh,) bounds, or (nh, N, d) ones with ``taken``.
@@ -126,8 +133,10 @@ class Formulation(ABC):
         if taken is None:
             return Bounds(lower=lower, upper=upper)
         factor = np.ones((len(upper), taken.shape[1]))
-        factor[: len(values)] -= taken
+        factor[: len(values)] -= taken[: len(values)]
         both = [np.where(np.isfinite(side)[:, None], side[:, None] * factor, side[:, None]) for side in (lower, upper)]
+        if len(taken) > len(values):
+            both[0][-peaks:] = largest * np.tile(taken[len(values) :], (2, 1))
         both = [np.repeat(side[:, :, None], degree, axis=2) for side in both]
         return Bounds(lower=both[0], upper=both[1])
 
@@ -296,6 +305,41 @@ class Formulation(ABC):
         loss = float(np.trace(friction) / max(np.trace(friction @ np.linalg.pinv(rates.T @ rates) @ friction), 1e-12))
         time = min(friction_time(self.task.platform), self.task.duration)
         return DAMPING * inertia * time, DAMPING * loss
+
+    @cached_property
+    def rate_damping(self) -> float:
+        """[W s^2/(N m)^2] Factor of the squared torque rates in the integrand.
+
+        A cost without curvature in the torques does not see how fast they change: under a limit of the torque rate, and
+        with B off its path, rates chatter between their limits on singular arcs, and meshes grow after them.  So a
+        rate costs something, at its limit ``SETTLING`` times the tolerance and the power of the program's friction.
+        """
+        limit, aim = self.task.limits.torque_rate, self.settings.aim
+        settled = is_regular(aim.terms) and not aim.is_regularised
+        if limit is None or self.settings.keep == "path" or has_largest(aim.terms) or settled:
+            return 0.0
+        _, velocity, _ = self.task.motion.at(np.linspace(0.0, self.task.duration, MOMENTS))
+        friction = np.trace(np.array(self.task.dynamics.coefficients.friction)[:2, :2]) / 2
+        power = friction * float(np.mean(np.sum(velocity**2, axis=0)))
+        return SETTLING * self.settings.tolerance * sum(aim.weights) * power / limit**2
+
+    def words_of_rates(self, transcription: Transcription, edges: np.ndarray, outcome: Outcome) -> list[str]:
+        """What the squared torque rates of a solution add to its cost, in words.
+
+        Args:
+            transcription: of this formulation's problem.
+            edges: (N + 1,) [s].
+            outcome: the solution.
+
+        Returns:
+            A sentence; none where they cost nothing.
+        """
+        if not self.rate_damping:
+            return []
+        squares = np.sum(outcome.nodes.control[: self.task.platform.wheel_count] ** 2, axis=0)
+        added = self.rate_damping * float(np.diff(edges) @ (squares @ transcription.scheme.weights))
+        share = added / max(1.0, abs(outcome.cost))
+        return [f"with a cost of squared torque rates, {share:.1g} of it, that settles what the objective leaves open"]
 
     def common_parameters(self) -> np.ndarray:
         """(p,) Matrices of the platform, point B, weights of the cost, torque-speed line."""

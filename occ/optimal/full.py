@@ -53,8 +53,9 @@ def full_problem(shape: Shape) -> Problem:
 
     Returns:
         Problem with node data (r_B*, r_B*') (4,) and parameters: packed matrices, point B, weights, torque-speed line,
-        1 / radius^2 of the tube, r_B* and r_B*' at start and end and r_B*'' at the start (10,), factors of M^2 and of
-        the squared null torque that are added to the integrand (see `Formulation.damping`); boundary conditions:
+        1 / radius^2 of the tube, r_B* and r_B*' at start and end and r_B*'' at the start (10,), factors of M^2,
+        of the squared null torque (see `Formulation.damping`) and of the squared torque rates (see
+        `Formulation.rate_damping`) that are added to the integrand; boundary conditions:
         x(T) - x(0), position and velocity of B off its program at the start and at the end.  Under a limit of the
         torque rate M is a state and its derivative the control.  With B on its path its acceleration is then held as
         well, at the start, too, and two further controls w in V' = .. + w take up what velocity and acceleration
@@ -65,7 +66,7 @@ def full_problem(shape: Shape) -> Problem:
     data = ca.SX.sym("program", 6 if shape.starts_on_path else 4)
     packed, point = ca.SX.sym("coefficients", packed_size(n)), ca.SX.sym("point", 2)
     weights, line, tube = ca.SX.sym("weights", len(shape.terms)), ca.SX.sym("line", 2), ca.SX.sym("tube")
-    program_ends, damping = ca.SX.sym("program_ends", 10), ca.SX.sym("damping", 2)
+    program_ends, damping = ca.SX.sym("program_ends", 10), ca.SX.sym("damping", 3)
     k, velocity = unpack(packed, n), state[3:]
     rates = k.wheel_rates @ velocity
     cost = cost_of(shape.terms, weights, torque, rates, ca.bilin(k.friction, velocity, velocity))
@@ -109,7 +110,10 @@ def full_problem(shape: Shape) -> Problem:
         start=start,
         end=end,
         rate=ca.vertcat(*rows, ca.SX.zeros(cost.peak.numel())),
-        integrand=cost.integrand + damping[0] * ca.sumsqr(torque) + damping[1] * ca.sumsqr(null),
+        integrand=cost.integrand
+        + damping[0] * ca.sumsqr(torque)
+        + damping[1] * ca.sumsqr(null)
+        + damping[2] * ca.sumsqr(torque_rate),
         terminal=terminal,
         path=ca.vertcat(limit_expressions(shape.limits, moment), keeping, cost.slack_rows, cost.peak_rows),
         boundary=ca.vertcat(*boundary),
@@ -181,7 +185,7 @@ class Full(Formulation):
         ends = np.append(np.concatenate([position, velocity]).ravel(order="F"), acceleration[:, 0])
         radius = self.settings.radius
         _, squared = self.damping()
-        damping = [0.0 if self.settings.scheme == "radau" else squared, squared]
+        damping = [0.0 if self.settings.scheme == "radau" else squared, squared, self.rate_damping]
         return np.concatenate([self.common_parameters(), [0.0 if radius is None else radius**-2], ends, damping])
 
     def end_bounds(self) -> tuple[Bounds, Bounds, Bounds]:

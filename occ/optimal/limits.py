@@ -21,6 +21,9 @@ NEEDS_NULL_TORQUE = ("torque", "wheel_power", "torque_speed_line", "torque_rate"
 """Limits that see how a wrench is shared among the wheels."""
 ACTIVE = 1e-5
 """A quantity this close to its limit, relative to it, counts as on it."""
+RIPPLE = 0.05
+"""A power that stays below this part of the largest one between two changes of its sign is held at zero there: its
+polynomials ripple, and an edge at each of these times would only make intervals of microseconds."""
 MOST_MOVED = 0.2
 """An edge nearer to a switching time than this part of its smaller interval is moved there."""
 
@@ -224,12 +227,14 @@ class LimitedArcs:
 
     def sign_changes(self) -> np.ndarray:
         """[s] Times at which a clipped power changes its sign."""
-        t, clipped = self.t.ravel(), self.clipped.reshape(len(self.clipped), self.t.size)
-        # Where a power is held at zero its sign is rounding.
-        large = np.abs(clipped) > 1e-6 * np.abs(clipped).max(initial=0.0)
-        row, k = np.nonzero((clipped[:, :-1] * clipped[:, 1:] < 0) & (large[:, :-1] | large[:, 1:]))
-        before, after = clipped[row, k], clipped[row, k + 1]
-        return np.sort(t[k] + (t[k + 1] - t[k]) * before / (before - after))
+        t, powers = self.t.ravel(), self.clipped.reshape(len(self.clipped), self.t.size)
+        least, times = RIPPLE * np.abs(powers).max(initial=0.0), [np.zeros(0)]
+        for power in powers:
+            changes = np.flatnonzero(power[:-1] * power[1:] < 0.0)
+            large = np.maximum.reduceat(np.abs(power), np.append(0, changes + 1)) > least
+            k = changes[large[:-1] | large[1:]]
+            times.append(t[k] + (t[k + 1] - t[k]) * power[k] / (power[k] - power[k + 1]))
+        return np.sort(np.concatenate(times))
 
 
 def with_knots(edges: np.ndarray, times: np.ndarray, kept: np.ndarray | None = None) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -87,6 +88,11 @@ class Problem:
         """nx, nu, nd, np, nh, nb."""
         vectors = (self.state, self.control, self.data, self.parameters, self.path, self.boundary)
         return tuple(x.numel() for x in vectors)
+
+    @cached_property
+    def controlled(self) -> np.ndarray:
+        """(nh,) of booleans: the path condition depends on the control, not on the state alone."""
+        return np.array(ca.which_depends(self.path, self.control, 1, True), dtype=bool)
 
     def node_function(self) -> ca.Function:
         """CasADi function (x, u, d, p) -> f, g, h."""

@@ -30,6 +30,8 @@ TOGETHER = 10.0
 """All solves together may take so many times as long as one of them."""
 STALL = 5
 """Refinements in which the error should at least halve."""
+STALL_OF_EXCESS = 5
+"""Refinements in which the mean excess over limits and the largest torque should at least halve."""
 LOW_DEGREE = 4
 """Below it there are too few coefficients to judge smoothness by: the degree is raised first."""
 SMOOTH = 1.2
@@ -174,6 +176,7 @@ class Refinement:
         """
         attempt = first
         errors: list[float] = []
+        excesses: list[float] = []
         for _ in range(ROUNDS):
             if attempt.outcome.status is not Status.OK or attempt.error is None:
                 attempt = self.explained(attempt)
@@ -188,9 +191,12 @@ class Refinement:
                         return attempt, attempt.outcome.message
                     continue
                 grid = done
+                excesses.append(attempt.excess_share)
+                if _stalls(excesses, STALL_OF_EXCESS):
+                    break
             elif error > self.method.tolerance:
                 errors.append(error)
-                if len(errors) > self.stall and min(errors[-self.stall :]) > errors[-1 - self.stall] / 2:
+                if _stalls(errors, self.stall):
                     break
             if grid.intervals > self.most_intervals or self._out_of_time:
                 break
@@ -227,6 +233,11 @@ class Refinement:
             return False, self.looked_at(twice)
         growth = np.abs(twice.outcome.nodes.control).max() / np.abs(attempt.outcome.nodes.control).max(initial=1e-300)
         return True, replace(attempt, doubled=change, growth=float(growth))
+
+
+def _stalls(values: list[float], count: int) -> bool:
+    """None of the last so many values is half of the one before them."""
+    return len(values) > count and min(values[-count:]) > values[-1 - count] / 2
 
 
 def next_grid(grid: Grid, error: ErrorEstimate, falls: np.ndarray, tolerance: float) -> Grid:

@@ -156,9 +156,7 @@ class Search(Refinement):
     def finer(self, attempt: Attempt) -> Grid | None:
         grid = super().finer(attempt)
         if grid is None:
-            # No mesh avoids the excess of a largest torque that jumps, but it can be kept to ever shorter intervals.
-            passed = self._passes_largest(attempt)
-            return replace(attempt.grid, edges=quartered(attempt.edges, passed)) if passed.any() else None
+            return None
         if attempt.arcs is None or not len(attempt.arcs.clipped) or grid.degree > attempt.grid.degree:
             return grid
         # Edges where a clipped power changes its sign in an interval that is not fine enough.
@@ -174,12 +172,12 @@ class Search(Refinement):
         attempt = self._proven(self._hitting(attempt))
         if attempt.outcome.status is not Status.OK or self._holds(attempt):
             return attempt
-        if attempt.hard_excess > HELD and attempt.excess_share <= self._patience * self.method.tolerance:
+        if attempt.excess_share <= self._patience * self.method.tolerance:
             best = self._backed_off(attempt)
             if self._is_affordable(best) and self._holds(best):
                 return best
         jumps, passed = attempt.passes(JUMP), attempt.passes(HELD)
-        marked = jumps if jumps.any() else passed if passed.any() else self._passes_largest(attempt)
+        marked = (jumps if jumps.any() else passed) | self._passes_largest(attempt)
         return replace(attempt.grid, edges=quartered(attempt.edges, marked))
 
     def _holds(self, attempt: Attempt) -> bool:
@@ -201,12 +199,12 @@ class Search(Refinement):
         # An optimum that holds its limits at the nodes only costs no more than one that holds them everywhere.
         least, best = attempt.outcome.cost, attempt
         for _ in range(BACKOFFS):
-            self._tightening = tightened(self.formulation, best, self._tightening)
-            if not self._tightening.is_possible:
+            self._tightening = tightened(self.formulation, best, self._tightening, self.method.tolerance)
+            if not self._tightening.is_possible or self._out_of_time:
                 break
             best = self._proven(self._tighter(best, self._tightening))
             best = replace(best, dearer=(best.outcome.cost - least) / max(1.0, abs(least)))
-            if best.hard_excess <= HELD or not self._is_affordable(best):
+            if self._holds(best) or not self._is_affordable(best):
                 break
         return best
 

@@ -112,6 +112,7 @@ class Settings:
         constant: torques are constant in each interval.
         aside: (10,) by how much to aim beside the end, where the torques miss what the polynomials hit: state, and
             position and velocity of B; None where they do not.
+        tolerance: of the cost, by which the one that settles torque rates is measured; 0 leaves them open.
     """
 
     aim: Aim
@@ -121,3 +122,4 @@ class Settings:
     scheme: SchemeName = "radau"
     constant: bool = False
     aside: np.ndarray | None = None
+    tolerance: float = 0.0

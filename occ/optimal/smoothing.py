@@ -1,4 +1,4 @@
-"""What the copper loss that settles a non-smooth objective costs, and how much less of it does.
+"""What the copper loss that settles an objective costs, and how much less of it does.
 
 With e times the copper loss C the optimum is x(e), and R(e) = min (J + e C) is its value: dR/de = C(x(e)), and
 
@@ -38,6 +38,13 @@ AFFORDABLE = 40
 shorter pulses need hundreds."""
 FINE = 64
 """Intervals of one level from which on the next level is not tried; that may have twice as many."""
+BEARABLE = 0.01
+"""Share of the objective above which the next level is tried all the same: what is printed should be the objective and
+not its copper loss."""
+UTMOST_LEVELS = 8
+"""The same as `LEVELS` then."""
+UTMOST_FINE = 100
+"""The same as `FINE` then."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +74,8 @@ class Settled:
     def statistics(self) -> dict[str, float | None]:
         """For the record of the run."""
         share = self.share if math.isfinite(self.share) else None
-        return {"copper_loss_factor": self.factor, "copper_loss_share": share}
+        limit = self.objective - share if share is not None else None
+        return {"copper_loss_factor": self.factor, "copper_loss_share": share, "copper_loss_limit": limit}
 
     def words(self, unit: str) -> str:
         """The added copper loss and what it costs, in a sentence.
@@ -82,7 +90,12 @@ class Settled:
         if not math.isfinite(self.share):
             return f"{added}; what that costs is not known"
         percent = 100 * self.share / max(abs(self.objective), 1e-12)
-        return f"{added}, which raises the objective by about {self.share:.2g} {unit} ({percent:.2g} %)"
+        raised = f"{added}, which raises the objective by about {self.share:.2g} {unit} ({percent:.2g} %)"
+        if percent < 100 * BEARABLE:
+            return raised
+        # Two digits of the share: it is right to leading order.
+        digits = 1 - math.floor(math.log10(self.share))
+        return f"{raised}; without any the limit is about {self.objective - self.share:.{max(digits, 0)}f} {unit}"
 
 
 def settled(search: Search, attempt: Attempt) -> Settled:
@@ -95,16 +108,16 @@ def settled(search: Search, attempt: Attempt) -> Settled:
     Returns:
         The last one that is fine enough, and what its copper loss costs.
     """
-    first = _first(search, attempt)
-    last = _lowered(search, first)
-    if last is first or not search.method.doubled:
-        return last
-    confirming = _at(search, last.factor, search.method)
-    confirmed, reason = confirming.run(last.attempt)
-    search.rounds.extend(confirming.rounds)
-    if confirmed.outcome.status is not Status.OK or reason:
-        return first
-    return replace(last, search=confirming, attempt=confirmed)
+    first, *lower = _levels(search, attempt)
+    for level in reversed(lower):
+        if not search.method.doubled:
+            return level
+        confirming = _at(search, level.factor, search.method)
+        confirmed, reason = confirming.run(level.attempt)
+        search.rounds.extend(confirming.rounds)
+        if confirmed.outcome.status is Status.OK and not reason:
+            return replace(level, search=confirming, attempt=confirmed)
+    return first
 
 
 def _first(search: Search, attempt: Attempt) -> Settled:
@@ -121,28 +134,34 @@ def _first(search: Search, attempt: Attempt) -> Settled:
     return Settled(search, attempt, factor, share, effort)
 
 
-def _lowered(search: Search, best: Settled) -> Settled:
-    """The last affordable level."""
-    for _ in range(LEVELS):
-        wanted = best.share > search.method.tolerance * max(1.0, abs(best.objective))
-        if not wanted or best.effort > AFFORDABLE or best.attempt.grid.intervals > FINE:
+def _levels(search: Search, attempt: Attempt) -> list[Settled]:
+    """The solution, and those with less and less of the copper loss down to the last affordable one."""
+    found = [_first(search, attempt)]
+    for level in range(UTMOST_LEVELS):
+        best = found[-1]
+        relative = best.share / max(1.0, abs(best.objective))
+        # Nothing is known of the share where it is not a number.
+        bearable = not relative > BEARABLE
+        finest = FINE if bearable else UTMOST_FINE
+        enough = not relative > search.method.tolerance or (bearable and (level >= LEVELS or best.effort > AFFORDABLE))
+        if enough or best.attempt.grid.intervals > finest:
             break
         less = _at(search, best.factor / RATIO, replace(search.method, doubled=False))
-        less.most_intervals = 2 * FINE
-        found, reason = less.run(less.attempt(best.attempt.grid, best.attempt, restart=True))
+        less.most_intervals = 2 * finest
+        lower, reason = less.run(less.attempt(best.attempt.grid, best.attempt, restart=True))
         search.rounds.extend(less.rounds)
-        if found.outcome.status is not Status.OK or reason:
+        if lower.outcome.status is not Status.OK or reason:
             break
-        share = abs(best.objective - objective_of(less.formulation, found))
-        best = Settled(less, found, best.factor / RATIO, share, less.rounds[-1]["iterations"])
-    return best
+        share = abs(best.objective - objective_of(less.formulation, lower))
+        found.append(Settled(less, lower, best.factor / RATIO, share, less.rounds[-1]["iterations"]))
+    return found
 
 
 def _at(search: Search, factor: float, method: Method) -> Search:
     """The search of the same problem with another factor of the last term."""
     settings = search.formulation.settings
-    aim = Aim(settings.aim.terms, (*settings.aim.weights[:-1], factor))
-    return Search(replace(search.formulation, settings=replace(settings, aim=aim)), method)
+    settings = replace(settings, aim=settings.aim.with_last(factor))
+    return Search(replace(search.formulation, settings=settings), method)
 
 
 def objective_of(formulation: Formulation, attempt: Attempt) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -145,3 +145,22 @@ def same_minimum(formulation: Formulation, one: Attempt, other: Attempt) -> bool
     difference = formulation.headings(one.outcome.nodes) - formulation.headings(other.outcome.nodes)
     difference -= 2 * np.pi * np.round(difference[0] / (2 * np.pi))
     return bool(np.abs(difference).max() < SAME_HEADING)
+
+
+def found_in_words(minima: Sequence[Minimum], starts: int) -> str:
+    """How many minima there are, and how bad the worst is.
+
+    Args:
+        minima: the least first.
+        starts: how many there were.
+
+    Returns:
+        Text.
+    """
+    if not minima:
+        return "found from a motion that holds the limits, as no start leads to a minimum"
+    found = f"{len(minima)} distinct local minima from {starts} starts"
+    if len(minima) < 2 or minima[0].cost <= 0:
+        return found
+    more = 100 * (max(minimum.cost for minimum in minima) / minima[0].cost - 1)
+    return f"{found}, the worst {more:.3g} % above the least"

@@ -124,3 +124,48 @@ class TestTightening:
         assert not Tightening(taken, held).is_possible
         held[0, 1] = 0.5
         assert Tightening(taken, held).is_possible
+
+
+@pytest.fixture(scope="module")
+def chattering() -> tuple[Formulation, Attempt]:
+    """Torque rates that jump off their limits in intervals in which torques are on theirs."""
+    task = paper_task(3.0, limits=Limits(torque=1.1, torque_rate=20.0))
+    player = Collocation(objective="work", keep="tube", radius=0.02, tolerance=1e-3)
+    formulation = player.posed(task)
+    assert formulation is not None
+    search = Search(formulation, player.method)
+    (attempt,) = search.starts(player.first_mesh(task), starts_of(task, 1, None)).values()
+    return formulation, attempt
+
+
+class TestStatesInLimits:
+    """A control that is held is in some of the limits only: the torque is a state where its rate is the control."""
+
+    def test_are_none_of_what_a_held_control_has_to_hold(self, chattering: tuple[Formulation, Attempt]) -> None:
+        formulation, attempt = chattering
+        assert attempt.arcs is not None
+        on_limit = attempt.arcs.node_load[:4].reshape(4, len(attempt.edges) - 1, -1).max(axis=(0, 2)) > 1 - 1e-4
+        jumps = attempt.arcs.hard_excess[4:8].max(axis=0) > JUMP
+        assert (jumps & on_limit).sum() >= 4
+        held = np.isfinite(tightened(formulation, attempt, None).held).any(axis=0)
+        np.testing.assert_array_equal(held, jumps)
+
+    def test_keep_their_bounds_where_the_control_is_held(self, chattering: tuple[Formulation, Attempt]) -> None:
+        formulation, attempt = chattering
+        tightening = tightened(formulation, attempt, None)
+        held = np.isfinite(tightening.held).any(axis=0)
+        path = tightening.applied(formulation, attempt.numbers, attempt.transcription.degree).path
+        assert path is not None
+        # Torques, torque rates, the tube.
+        assert np.all(path.upper[:4] <= 1.1)
+        np.testing.assert_allclose(path.upper[4:8][:, held], 20.0 * (1 - LOOSE))
+        assert np.all(path.upper[8] <= 1.0)
+
+    def test_of_a_first_hold_have_no_overshoot_to_take_off(self, chattering: tuple[Formulation, Attempt]) -> None:
+        # The polynomial's overshoot is up to twice the limit; a constant control has none.
+        formulation, attempt = chattering
+        assert attempt.hard_excess > 1.0
+        tightening = tightened(formulation, attempt, None)
+        held = np.isfinite(tightening.held).any(axis=0)
+        assert np.abs(tightening.held[:, held]).max() <= 20.0
+        np.testing.assert_array_equal(tightening.taken[4:8][:, held], 0.0)

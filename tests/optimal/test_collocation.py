@@ -42,7 +42,7 @@ class TestCheckValues:
 
     def test_a_graded_mesh_of_eight_intervals_replays_below_1e_6(self) -> None:
         task = paper_task()
-        player = Collocation(objective="torque_squared", intervals=8, degree=5, tolerance=1e-4)
+        player = Collocation(objective="torque_squared", intervals=8, degree=5, tolerance=1e-4, starts=1)
         solution = player.solve(task)
         # Accepted at once, and confirmed on twice as many.
         assert [r["intervals"] for r in solution.statistics["rounds"]] == [8, 16]
@@ -169,7 +169,7 @@ class TestRefinement:
         monkeypatch.setattr(
             refinement, "estimate_error", lambda *arguments: Blind(*vars(estimate(*arguments)).values())
         )
-        player = Collocation(objective="torque_squared", intervals=4, degree=2, tolerance=1e-5)
+        player = Collocation(objective="torque_squared", intervals=4, degree=2, tolerance=1e-5, starts=1)
         solution = player.solve(paper_task())
         assert [r["intervals"] for r in solution.statistics["rounds"]][:3] == [4, 8, 16]
         assert solution.statistics["doubled_mesh"] <= 1e-5

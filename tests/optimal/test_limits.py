@@ -197,3 +197,21 @@ class TestKnots:
         )
         assert arcs.switching_times() == pytest.approx([2 / 3], abs=1.1e-3)
         assert arcs.excess.max() == 0.0
+
+    def test_ripples_of_a_power_that_is_held_at_zero_are_no_switching(self) -> None:
+        # sin until its zero at 2 pi, then ripples of a hundredth; another power that never leaves zero; none at all.
+        t = np.linspace(0.0, 4 * np.pi, 4000)
+        power = np.where(t < 2 * np.pi, np.sin(t), 0.01 * np.sin(9 * (t - 2 * np.pi)))
+        for powers in ([power], [power, 0.01 * np.sin(7 * t)], []):
+            arcs = LimitedArcs(
+                t=t[None],
+                load=np.zeros((0, 1, len(t))),
+                largest=np.zeros((0, 1)),
+                node_times=t,
+                node_load=np.zeros((0, len(t))),
+                hard=0,
+                clipped=np.array(powers).reshape(-1, 1, len(t)),
+            )
+            # Where the arc ends at 2 pi is a switching time, too, to a sample, and none behind it.
+            expected = [np.pi, 2 * np.pi] if powers else []
+            assert arcs.sign_changes() == pytest.approx(expected, abs=t[1])

@@ -40,7 +40,9 @@ class TestEasierAims:
     """What a search begins with."""
 
     def test_first_without_clipping_then_with_less_and_less_copper_loss(self) -> None:
-        aim = Aim.weighted(Weights(positive_work=2.0, absolute_work=3.0, electric_drawn=4.0)).regularised("tube")
+        aim = Aim.weighted(Weights(positive_work=2.0, absolute_work=3.0, electric_drawn=4.0)).regularised(
+            "tube", Limits()
+        )
         signed, *rougher = aim.easier()
         assert signed.terms == ("work", "electric", "copper_loss")
         largest = max(5.0, rougher[0].weights[-1])
@@ -49,11 +51,11 @@ class TestEasierAims:
         assert rougher[0].weights[-1] > rougher[1].weights[-1] > aim.weights[-1]
 
     def test_of_the_largest_torque(self) -> None:
-        assert Aim.single("peak_torque").regularised("path").easier()[0] == Aim(("copper_loss",), (1.0,))
+        assert Aim.single("peak_torque").regularised("path", Limits()).easier()[0] == Aim(("copper_loss",), (1.0,))
 
     @pytest.mark.parametrize("name", ["work", "torque_squared", "electric"])
     def test_of_what_is_smooth(self, name: str) -> None:
-        assert Aim.single(name).regularised("tube").easier() == []
+        assert Aim.single(name).regularised("tube", Limits()).easier() == []
 
 
 def way(t: float) -> tuple[float, float]:

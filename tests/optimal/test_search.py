@@ -7,9 +7,9 @@ import pytest
 
 from occ.errors import Status
 from occ.motion import Line
-from occ.optimal.collocation import Collocation
+from occ.optimal.collocation import STARTS, Collocation
 from occ.optimal.singular import layers
-from occ.optimal.starts import mean_turning_rate, starts_of
+from occ.optimal.starts import found_in_words, mean_turning_rate, starts_of
 from occ.referee import judge
 from occ.task import Limits
 from tests.tasks import paper_task
@@ -39,10 +39,34 @@ class TestSeveralStarts:
         )
         assert several.measures["torque_squared_N2m2s"] < 0.99 * alone.measures["torque_squared_N2m2s"]
 
+    def test_are_the_default_where_a_start_takes_milliseconds(self) -> None:
+        task = paper_task(30.0, rate=0.4)
+        left_out, alone, six = (
+            Collocation(objective="torque_squared", tolerance=1e-4, **keys).solve(task)
+            for keys in ({}, {"starts": 1}, {"starts": STARTS})
+        )
+        assert left_out.statistics["claimed_cost"] == six.statistics["claimed_cost"]
+        assert left_out.statistics["claimed_cost"] < 0.99 * alone.statistics["claimed_cost"]
+        assert f"from {STARTS} starts" in left_out.message
+        assert "starts" not in alone.message
+        assert Collocation(objective="bus_work").start_count == 1
+        assert Collocation(objective="work", keep="ends").start_count == 1
+
+    def test_are_not_tried_where_the_law_leads_nowhere(self) -> None:
+        task = paper_task(2.0, limits=Limits(torque=0.5))
+        solution = Collocation(objective="torque_squared", tolerance=1e-3, iterations=20).solve(task)
+        assert solution.status is not Status.OK
+        assert solution.statistics["minima"] == []
+        # Each start that fails would be one of them.
+        assert sum(entry["intervals"] == 16 for entry in solution.statistics["rounds"]) < STARTS
+
     def test_of_one_minimum_say_so(self) -> None:
         task = paper_task(4.0)
         solution = Collocation(objective="torque_squared", starts=3).solve(task)
         assert "1 distinct local minima from 3 starts" in solution.message
+
+    def test_of_no_minimum_say_so(self) -> None:
+        assert "no start leads to a minimum" in found_in_words([], 6)
 
 
 class TestStarts:
