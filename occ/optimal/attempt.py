@@ -79,9 +79,9 @@ class Attempt:
         error: between the nodes; None where there is no solution.
         arcs: limits and clipped powers between the nodes; None where there are none.
         doubled: change of the cost when every interval was cut in two, relative to max(1, |J|); NaN where that was not
-            tried or had no solution.
+            tried, infinite where it had no solution.
         growth: largest control on the doubled mesh, in units of that on this one; about 2 where a jump is spread over
-            one interval; NaN like ``doubled``.
+            one interval; NaN where there is none.
         dearer: what it costs to hold the limits between the nodes, too, relative to max(1, |J|).
     """
 
@@ -155,6 +155,8 @@ class Attempt:
         assert self.error is not None
         grid = f"{len(self.edges) - 1} intervals of degree {self.transcription.degree}"
         twice = f"; twice as many change the cost by {self.doubled:.1g} of it" if np.isfinite(self.doubled) else ""
+        if self.doubled == math.inf:
+            twice = "; not confirmed by twice as many, for which the solver found no solution"
         held = f"; holding the limits between nodes costs {self.dearer:.1g} of it" if self.dearer > 0.0 else ""
         proven = f"; {self.arcs.words}" if self.arcs is not None and self.arcs.words else ""
         short = self.outcome.statistics.get("return_status") == STOPPED_SHORT

@@ -7,6 +7,7 @@ every interval cut in two gives the same cost.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -226,7 +227,7 @@ class Refinement:
             return False, attempt
         twice = self.on_doubled_mesh(attempt)
         if twice.outcome.status is not Status.OK:
-            return True, attempt
+            return True, replace(attempt, doubled=math.inf)
         cost = twice.outcome.cost
         change = abs(cost - attempt.outcome.cost) / max(1.0, abs(cost))
         if change > self.method.tolerance:

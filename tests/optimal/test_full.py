@@ -11,7 +11,7 @@ import pytest
 
 from occ.errors import InputError, Status
 from occ.model.presets import omni3, youbot
-from occ.motion import RestToRestLine
+from occ.motion import RestToRestLine, SplineMotion
 from occ.optimal.attempt import Attempt, Grid
 from occ.optimal.collocation import Collocation
 from occ.optimal.problem import Bounds, Nodes, Numbers, Problem
@@ -19,12 +19,14 @@ from occ.optimal.search import Method, Search
 from occ.optimal.starts import starts_of
 from occ.optimal.transcription import Transcription
 from occ.referee import examine, judge
-from occ.task import Limits, Solution, Task
+from occ.task import Limits, Solution, Start, Task
 from tests.tasks import POINT, paper_task
 
 REST = Task(
     platform=youbot(), point=POINT, motion=RestToRestLine(start=(0.0, 0.0), end=(0.6, 0.8), duration=4.0), duration=4.0
 )
+WAY = ((0.0, 0.0), (0.13, -0.37), (-0.16, -2.07), (1.1, -1.27))
+ASIDE = Start(heading=-1.87, heading_rate=0.23)
 COLUMN = {"work": "work_J", "torque_squared": "torque_squared_N2m2s", "electric": "electric_J"}
 
 
@@ -96,6 +98,20 @@ class TestAgreement:
         assert [record.status for record in records] == [Status.OK] * 2
         one, other = (record.measures["torque_squared_N2m2s"] for record in records)
         assert other == pytest.approx(one, rel=1e-7)
+
+    @pytest.mark.slow
+    def test_in_the_same_minimum_where_limits_bind(self) -> None:
+        motion = SplineMotion(points=WAY, times=(0.0, 2.0, 4.0, 6.0))
+        task = replace(paper_task(6.0, limits=Limits(torque=4.245)), motion=motion, point=(0.3, 0.05), start=ASIDE)
+        found = {}
+        for name, starts in (("reduced", None), ("full", None), ("reduced", 1)):
+            player = Collocation(objective="electric", formulation=name, starts=starts, tolerance=1e-6)
+            record = judge(task, player.solve(task))
+            assert record.status is Status.OK, record.message
+            found[name, starts] = record.measures["electric_J"]
+        assert found["full", None] == pytest.approx(found["reduced", None], rel=1e-7)
+        # The law, which knows no limits, leads to a worse one.
+        assert found["reduced", None] < 0.96 * found["reduced", 1]
 
     def test_of_torque_rates_on_one_mesh(self) -> None:
         # To the solver's own tolerance, and not to the looser one at which it may stop where its linear solver is lost.

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from occ.errors import Status
+from occ.optimal.attempt import Attempt
 from occ.optimal.collocation import Collocation
 from occ.optimal.error import ErrorEstimate
 from occ.optimal.refinement import GAIN, Refinement, refine
@@ -73,6 +76,20 @@ def test_the_doubled_mesh_is_looked_at_only_where_it_changes_the_cost(monkeypatc
     assert solution.status is Status.OK
     assert [entry["intervals"] for entry in solution.statistics["rounds"]] == [8, 16]
     assert looked == [8]
+
+
+def test_a_doubled_mesh_without_a_solution_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    twice = Refinement.on_doubled_mesh
+
+    def lost(self: Refinement, attempt: Attempt) -> Attempt:
+        found = twice(self, attempt)
+        return replace(found, outcome=replace(found.outcome, status=Status.FAILED))
+
+    monkeypatch.setattr(Refinement, "on_doubled_mesh", lost)
+    solution = Collocation(objective="torque_squared", tolerance=1e-4, starts=1).solve(paper_task(2.0))
+    assert solution.status is Status.OK
+    assert "not confirmed by twice as many" in solution.message
+    assert solution.statistics["doubled_mesh"] is None
 
 
 def test_short_excesses_over_limits_cost_no_mesh_where_the_cost_has_no_curvature() -> None:
