@@ -75,7 +75,7 @@ class Settled:
         """For the record of the run."""
         share = self.share if math.isfinite(self.share) else None
         limit = self.objective - share if share is not None else None
-        return {"copper_loss_factor": self.factor, "copper_loss_share": share, "copper_loss_limit": limit}
+        return {"copper_loss_factor": self.factor, "copper_loss_share": share, "without_copper_loss": limit}
 
     def words(self, unit: str) -> str:
         """The added copper loss and what it costs, in a sentence.

@@ -103,7 +103,7 @@ def test_no_effort_is_spared_where_it_costs_much(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(smoothing, "LEVELS", 0)
     first = player.solve(task)
     assert first.statistics["copper_loss_factor"] == 0.03
-    value, share = first.statistics["copper_loss_limit"], first.statistics["copper_loss_share"]
+    value, share = first.statistics["without_copper_loss"], first.statistics["copper_loss_share"]
     assert "without any" not in first.message
     monkeypatch.setattr(smoothing, "BEARABLE", 0.1 * share / value)
     second = player.solve(task)
@@ -115,7 +115,7 @@ def test_no_effort_is_spared_where_it_costs_much(monkeypatch: pytest.MonkeyPatch
     # What the loss costs is as much as is said, or less.
     limit = float(third.message.split("without any the limit is about ")[1].split(" J")[0])
     assert limit == pytest.approx(value, abs=share / 5)
-    assert limit < second.statistics["copper_loss_limit"] + 0.1 * share
+    assert limit < second.statistics["without_copper_loss"] + 0.1 * share
 
 
 def test_it_is_lowered_until_it_costs_less_than_the_tolerance(monkeypatch: pytest.MonkeyPatch) -> None:
