@@ -20,6 +20,10 @@ SAME_HEADING = 1e-2
 """[rad] Headings that are this close at all edges, up to full turns, do, too."""
 
 
+OPPOSITE = 3
+"""Starts before those with other windings: the law's, along the program and against it."""
+
+
 @dataclass(frozen=True)
 class NamedStart:
     """A guess and what it is called."""
@@ -45,7 +49,9 @@ def turned_further(rotation: Rotation, rate: float) -> Rotation:
 
 
 def starts_of(task: Task, count: int, turn: float | None, *, free: bool = False) -> list[NamedStart]:
-    """The law; constant offsets to the program's direction around the circle; from four on, one turn more and less.
+    """The law; constant offsets to the program's direction around the circle; the law with one turn more and less.
+
+    A longer list begins with the shorter one, so that more starts never miss what fewer have found.
 
     Args:
         task: what to do.
@@ -64,17 +70,21 @@ def starts_of(task: Task, count: int, turn: float | None, *, free: bool = False)
         heading = law(np.array([0.0, task.duration]))[0]
         law = turned_further(law, (turn - (heading[1] - heading[0])) / task.duration)
     found = [NamedStart("constant rate" if free else "law", law)]
-    windings = 2 if count >= 4 and turn is None else 0
     rate = mean_turning_rate(task) if turn is None else turn / task.duration
-    offsets = count - 1 - windings
-    for j in range(offsets):
-        offset = 2 * np.pi * j / offsets
+    for j in range(count):
+        offset = 2 * np.pi * _spread(j)
         name = f"constant rate {rate:.4g} rad/s from {offset:.4g} rad on"
         found.append(NamedStart(name, uniform_rotation(task.start.heading + offset, rate)))
-    for turns in (1, -1)[:windings]:
-        further = turned_further(law, 2 * np.pi * turns / task.duration)
-        found.append(NamedStart(f"law with {turns:+d} turn", further))
-    return found
+    if turn is None:
+        further = [turned_further(law, 2 * np.pi * turns / task.duration) for turns in (1, -1)]
+        names = ("law with +1 turn", "law with -1 turn")
+        found[OPPOSITE:OPPOSITE] = [NamedStart(*each) for each in zip(names, further, strict=True)]
+    return found[:count]
+
+
+def _spread(j: int) -> float:
+    """0, 1/2, 1/4, 3/4, 1/8, ..: each halves one of the widest gaps of the circle (van der Corput's sequence)."""
+    return sum(((j >> bit) & 1) / 2 ** (bit + 1) for bit in range(j.bit_length()))
 
 
 def mean_turning_rate(task: Task) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -77,6 +79,19 @@ class TestStarts:
         starts = starts_of(paper_task(), count, None)
         assert len(starts) == len({start.name for start in starts}) == count
         assert starts[0].name == "law"
+
+    @pytest.mark.parametrize("turn", [None, -2 * np.pi])
+    def test_of_a_longer_list_begin_with_those_of_a_shorter_one_and_go_around(self, turn: float | None) -> None:
+        task = paper_task()
+        names = [[start.name for start in starts_of(task, count, turn)] for count in range(1, 20)]
+        for shorter, longer in pairwise(names):
+            assert longer[:-1] == shorter
+        assert ("law with +1 turn" in names[-1]) is (turn is None)
+        headings = [
+            start.rotation(np.zeros(1))[0, 0] for start in starts_of(task, 19, turn) if "constant" in start.name
+        ]
+        gaps = np.diff(np.sort(np.mod(headings[:16], 2 * np.pi)))
+        np.testing.assert_allclose(gaps, 2 * np.pi / 16)
 
     def test_meet_the_turn_that_the_end_asks_for(self) -> None:
         task = paper_task()
