@@ -95,7 +95,8 @@ class Search(Refinement):
                 found[id(start)] = start
             elif id(start) not in found:
                 before = start if isinstance(start, Attempt) else partial(self.formulation.guess, rotation=start)
-                found[id(start)] = self.attempt(grid, before)
+                # Of many only the best will be looked at.
+                found[id(start)] = self.attempt(grid, before, look=len(ways) == 1)
         return {name: found[id(start)] for name, start in ways.items()}
 
     def _met(self, grid: Grid, ways: dict[str, Attempt | Rotation]) -> dict[str, Attempt | Rotation]:
@@ -142,6 +143,8 @@ class Search(Refinement):
         Returns:
             The last attempt, and why it is not good enough (empty where it is).
         """
+        if first.outcome.status is Status.OK and first.error is None:
+            first = self.looked_at(first)
         return super().run(self._place_knots(first))
 
     def looked_at(self, attempt: Attempt) -> Attempt:

@@ -41,7 +41,7 @@ def first_attempt(task: Task) -> tuple[Search, Attempt]:
     assert formulation is not None
     search = Search(formulation, player.method)
     attempt, *_ = search.starts(player.first_mesh(task), starts_of(task, 1, None)).values()
-    return search, attempt
+    return search, search.looked_at(attempt)
 
 
 @pytest.fixture(scope="module")
