@@ -103,7 +103,9 @@ class TestOptimum:
     @pytest.mark.parametrize(("rate", "radius"), [(-0.7, 0.45), (0.2, 0.4), (0.8, 0.1)])
     def test_min_work_with_the_motors_torque(self, rate: float, radius: float) -> None:
         limited, free = lap(rate, radius, 6.9), lap(rate, radius, 1e3)
-        record, other = (judge(task, Collocation(objective="work").solve(task)) for task in (limited, free))
+        # From the law alone: its minimum has small jumps on all of these circles; those of others may last for 40 ms.
+        player = Collocation(objective="work", starts=1)
+        record, other = (judge(task, player.solve(task)) for task in (limited, free))
         assert record.status is Status.OK, record.message
         assert record.measures["limit_excess"] <= 1e-6
         # The limit makes the jumps take some milliseconds, which costs little.
