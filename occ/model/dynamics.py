@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from functools import cache, lru_cache
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from occ.errors import InputError
 from occ.model.appell import derive
-from occ.model.coefficients import PLATFORMS, coefficient_function, coefficients, unpack
+from occ.model.coefficients import PLATFORMS, coefficient_function, coefficients, packed_size, unpack
 from occ.model.platform import Platform, parameter_names
 
 STATE = ("x", "y", "heading", "velocity_x", "velocity_y", "yaw_rate")
@@ -83,6 +84,49 @@ def parametric_functions(wheel_count: int) -> dict[str, ca.Function]:
     }
 
 
+@cache
+def forward_function(wheel_count: int) -> ca.Function:
+    """d/dt (x_O, y_O, psi, pi') with pi'' = A^-1 (C_phi^T M - f - Z pi'), eqs. (2.1), (2.16), of any such platform.
+
+    Args:
+        wheel_count: n.
+
+    Returns:
+        CasADi function (coefficients (45 + 6 n + n (n - 3),), state (6,), torque (n,) [N m]) -> d(state)/dt (6,).
+    """
+    packed = ca.SX.sym("coefficients", packed_size(wheel_count))
+    state, torque = ca.SX.sym("state", 6), ca.SX.sym("torque", wheel_count)
+    velocity = state[3:]
+    rate = state_rate(state[2], velocity, unpack(packed, wheel_count).acceleration(velocity, torque))
+    return ca.Function("forward", [packed, state, torque], [ca.densify(rate)])
+
+
+class _Frozen(Mapping[str, ca.Function]):
+    """The functions of a model at one platform's numbers, each made when it is first asked for."""
+
+    def __init__(self, parametric: Mapping[str, ca.Function], numbers: np.ndarray) -> None:
+        self._parametric, self._numbers = parametric, numbers
+        self._made: dict[str, ca.Function] = {}
+
+    def __getitem__(self, name: str) -> ca.Function:
+        if name not in self._made:
+            self._made[name] = self.freeze(self._parametric[name])
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._parametric)
+
+    def __len__(self) -> int:
+        return len(self._parametric)
+
+    def freeze(self, function: ca.Function) -> ca.Function:
+        """A function whose last argument are the platform's numbers, without it."""
+        arguments = [function.sx_in(i) for i in range(function.n_in() - 1)]
+        results = function.call([*arguments, ca.SX(ca.DM(self._numbers))])
+        names = [function.name_in(i) for i in range(function.n_in() - 1)]
+        return ca.Function(function.name(), arguments, results, names, [function.name_out(0)])
+
+
 class Dynamics:
     """Named CasADi functions of one platform: A pi'' + f - Pi_F = C_phi^T M, eq. (2.16).
 
@@ -115,7 +159,7 @@ class Dynamics:
     def __init__(self, platform: Platform) -> None:
         self.platform = platform
         self._parametric = parametric_functions(platform.wheel_count)
-        self.functions = {name: self._freeze(function) for name, function in self._parametric.items()}
+        self.functions = _Frozen(self._parametric, platform.parameters())
         self.coefficients = unpack(ca.DM(coefficients(platform)), platform.wheel_count)
 
     def __getattr__(self, name: str) -> ca.Function:
@@ -125,12 +169,6 @@ class Dynamics:
             return self.functions[name]
         except KeyError:
             raise AttributeError(f"Dynamics has no function {name!r}; it has {', '.join(self.functions)}") from None
-
-    def _freeze(self, function: ca.Function) -> ca.Function:
-        arguments = [function.sx_in(i) for i in range(function.n_in() - 1)]
-        results = function.call([*arguments, ca.SX(ca.DM(self.platform.parameters()))])
-        names = [function.name_in(i) for i in range(function.n_in() - 1)]
-        return ca.Function(function.name(), arguments, results, names, [function.name_out(0)])
 
     def jacobian(self, of: str, wrt: str) -> ca.Function:
         """d(of)/d(wrt) as a CasADi function of the same arguments as ``of``, at this platform's numbers.
@@ -160,7 +198,7 @@ class Dynamics:
         if wrt not in names:
             derivative = derivative[:, single.index(wrt)]
         name = f"d_{of}_d_{wrt}"
-        return self._freeze(ca.Function(name, arguments, [derivative], names, ["jacobian"]))
+        return self.functions.freeze(ca.Function(name, arguments, [derivative], names, ["jacobian"]))
 
 
 def _unknown(kind: str, name: str, valid: list[str]) -> str:

@@ -9,15 +9,16 @@ equations can then be solved once and for all, and the states between the edges 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
 from occ.optimal.mesh import Scheme
-from occ.optimal.problem import Problem
+from occ.optimal.problem import PROBLEMS, Problem
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Chains:
     """x' = A x + B u.
 
@@ -32,6 +33,7 @@ class Chains:
     powers: np.ndarray
 
     @classmethod
+    @lru_cache(maxsize=PROBLEMS)
     def of(cls, problem: Problem) -> Chains | None:
         """None where the rates are anything else, or no powers fit."""
         nx = problem.state.numel()

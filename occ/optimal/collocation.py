@@ -23,6 +23,7 @@ from occ.optimal.full import Full
 from occ.optimal.infeasible import passed_at_ends
 from occ.optimal.limits import with_knots
 from occ.optimal.mesh import SchemeName, graded_mesh
+from occ.optimal.nearby import Nearby
 from occ.optimal.reduced import Reduced
 from occ.optimal.refinement import MOST_INTERVALS
 from occ.optimal.search import Search
@@ -30,7 +31,7 @@ from occ.optimal.shape import EndConditions, Settings
 from occ.optimal.singular import note
 from occ.optimal.smoothing import Settled, settled
 from occ.optimal.solvers import SolverName, SolverOptions
-from occ.optimal.starts import Minimum, distinct, found_in_words, starts_of
+from occ.optimal.starts import distinct, found_in_words, starts_of
 from occ.task import Claim, EndClass, Keep, Solution, Task
 
 LAYER = 3.0
@@ -229,27 +230,29 @@ class Collocation:
                 "should be a whole number of laps"
             )
 
-    def solve(self, task: Task) -> Solution:
+    def solve(self, task: Task, near: Solution | None = None) -> Solution:
         """Solve on a graded mesh, look between the nodes, refine, and solve again until tolerance and limits hold.
 
         Args:
             task: what to do.
+            near: solution of a task with other numbers: the search begins with its mesh, motion and winding, and with
+                nothing else.  Its programs are there, so that nothing is built where its mesh is fine enough.
 
         Returns:
             Solution whose control is the yaw acceleration in time (its torques follow from heading and yaw rate) where
             B is on its path, and the wheel torques in time elsewhere.
 
         Raises:
-            InputError: a task whose program cannot end as asked.
+            InputError: a task whose program cannot end as asked, or ``near`` without a solution.
         """
         self.check(task)
-        return self._limit(task) if self.homotopy else self._best(task)
+        return self._limit(task, near) if self.homotopy else self._best(task, near)
 
-    def _limit(self, task: Task) -> Solution:
+    def _limit(self, task: Task, near: Solution | None) -> Solution:
         """Least work as the limit of a vanishing copper loss."""
         tolerance = min(self.tolerance, homotopy.TOLERANCE)
         regular = replace(self, objective="weighted", weights=Weights(work=1.0), homotopy=False, tolerance=tolerance)
-        found = homotopy.copper_loss_limit(lambda weights: replace(regular, weights=weights).solve(task))
+        found = homotopy.copper_loss_limit(lambda weights: replace(regular, weights=weights).solve(task, near))
         if isinstance(found, Solution):
             return found
         last = found.solution
@@ -259,11 +262,11 @@ class Collocation:
             statistics=last.statistics | {"copper_loss_limit": found.statistics},
         )
 
-    def _best(self, task: Task) -> Solution:
+    def _best(self, task: Task, near: Solution | None) -> Solution:
         """The best of all windings that the end leaves open."""
         best, tried = None, {}
-        for winding in self._windings(task):
-            solution = self._solve(task, winding)
+        for winding in self._windings(task, near):
+            solution = self._solve(task, winding, None if near is None else Nearby.of(near, task.duration))
             tried[winding] = solution.statistics.get("claimed_cost")
             better = best is None or (best.status is not Status.OK and solution.status is Status.OK)
             if best is not None and best.status is solution.status is Status.OK:
@@ -318,15 +321,16 @@ class Collocation:
         )
         return Full(task, settings) if self.is_full else Reduced(task, settings)
 
-    def _windings(self, task: Task) -> list[int | None]:
+    def _windings(self, task: Task, near: Solution | None) -> list[int | None]:
         if self.end != "periodic":
             return [None]
-        if isinstance(self.winding, int):
-            return [self.winding]
+        winding = near.claim.winding if near is not None and self.winding == "any" else self.winding
+        if isinstance(winding, int):
+            return [winding]
         turns = round((task.motion.turning_rate or 0.0) * task.duration / (2 * math.pi))
         return list(range(min(0, turns) - EXTRA_TURNS, max(0, turns) + EXTRA_TURNS + 1))
 
-    def _solve(self, task: Task, winding: int | None) -> Solution:
+    def _solve(self, task: Task, winding: int | None, nearby: Nearby | None) -> Solution:
         claim = Claim(keep=self.keep, radius=self.radius, start=self.start, end=self.end, winding=winding)
         failed = Solution(control=None, start_state=None, claim=claim, status=Status.FAILED)
         formulation = self.posed(task, winding)
@@ -336,15 +340,9 @@ class Collocation:
         if passed:
             return replace(failed, status=Status.INFEASIBLE, message=passed)
         search = Search(formulation, self.method)
-        starts = starts_of(task, self.start_count, formulation.settings.ends.turn, free=self.start == "free")
-        # Where nothing is said, the others are for better minima; limits that the first cannot hold, they hardly can.
-        first = starts if self.starts is not None else starts[:1]
-        mesh = self.first_mesh(task)
-        attempts = search.starts(mesh, first)
-        if any(attempt.outcome.status is Status.OK for attempt in attempts.values()):
-            attempts |= search.starts(mesh, starts[len(first) :])
+        attempts = self._from_starts(search) if nearby is None else search.near(nearby)
         minima = distinct(formulation, attempts)
-        attempt, reason = search.run(minima[0].attempt if minima else attempts[starts[0].name])
+        attempt, reason = search.run(minima[0].attempt if minima else next(iter(attempts.values())))
         statistics: dict[str, Any] = {
             "rounds": search.rounds,
             "minima": [{"cost": m.cost, "starts": m.names} for m in minima],
@@ -356,16 +354,30 @@ class Collocation:
         if smoothed is not None:
             formulation, attempt = smoothed.search.formulation, smoothed.attempt
             statistics |= smoothed.statistics
-        solution = self._solution(formulation, attempt, self._notes(formulation, attempt, minima, smoothed))
-        complementarity = formulation.complementarity(attempt.transcription, attempt.outcome.nodes, attempt.numbers)
+        notes = self._notes(formulation, attempt, smoothed)
+        if nearby is not None:
+            notes.append("searched from a solution nearby only")
+        elif self.start_count > 1:
+            notes.append(found_in_words(minima, self.start_count))
         given_up = [r["instead"] for r in search.rounds if "instead" in r]
-        helped = [f"{len(given_up)} of {len(search.rounds)} solves by ipopt: {given_up[0]}"] if given_up else []
-        return replace(
-            solution,
-            message="; ".join([solution.message, *helped]),
-            claim=claim,
-            statistics=statistics | attempt.quality | {"complementarity_W": complementarity},
-        )
+        if given_up:
+            notes.append(f"{len(given_up)} of {len(search.rounds)} solves by ipopt: {given_up[0]}")
+        solution = self._solution(formulation, attempt, notes)
+        complementarity = formulation.complementarity(attempt.transcription, attempt.outcome.nodes, attempt.numbers)
+        statistics |= attempt.quality | {"complementarity_W": complementarity}
+        return replace(solution, claim=claim, statistics=statistics)
+
+    def _from_starts(self, search: Search) -> dict[str, Attempt]:
+        """First solves by the names of their starts."""
+        task, ends = search.formulation.task, search.formulation.settings.ends
+        starts = starts_of(task, self.start_count, ends.turn, free=self.start == "free")
+        # Where nothing is said, the others are for better minima; limits that the first cannot hold, they hardly can.
+        first = starts if self.starts is not None else starts[:1]
+        mesh = self.first_mesh(task)
+        attempts = search.starts(mesh, first)
+        if any(attempt.outcome.status is Status.OK for attempt in attempts.values()):
+            attempts |= search.starts(mesh, starts[len(first) :])
+        return attempts
 
     def _solution(self, formulation: Formulation, attempt: Attempt, notes: list[str]) -> Solution:
         transcription, nodes, edges = attempt.transcription, attempt.outcome.nodes, attempt.edges
@@ -377,14 +389,11 @@ class Collocation:
             message="; ".join(notes),
         )
 
-    def _notes(
-        self, formulation: Formulation, attempt: Attempt, minima: list[Minimum], smoothed: Settled | None
-    ) -> list[str]:
+    def _notes(self, formulation: Formulation, attempt: Attempt, smoothed: Settled | None) -> list[str]:
         """What there is to say of a solution that is fine."""
         notes = [f"local optimum, {attempt.words}"]
         if not is_regular(formulation.settings.aim.terms):
             notes.append(note(formulation, attempt, by_switching=self.arcs))
         if smoothed is not None:
             notes.append(smoothed.words("units" if self.objective == "weighted" else objective(self.objective).unit))
-        notes += formulation.words_of_rates(attempt.transcription, attempt.edges, attempt.outcome)
-        return notes + ([found_in_words(minima, self.start_count)] if self.start_count > 1 else [])
+        return notes + formulation.words_of_rates(attempt.transcription, attempt.edges, attempt.outcome)

@@ -7,11 +7,12 @@ differentiated, whatever the number of intervals.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 
-from occ.optimal.problem import Problem
+from occ.optimal.problem import PROBLEMS, Problem
 
 Pattern = tuple[np.ndarray, np.ndarray]
 """Rows and columns of nonzeros, column by column."""
@@ -36,6 +37,7 @@ class NodeDerivatives:
     curvature: Pattern
 
     @classmethod
+    @lru_cache(maxsize=PROBLEMS)
     def of(cls, problem: Problem) -> NodeDerivatives:
         """Differentiated once."""
         z = ca.vertcat(problem.state, problem.control)
@@ -69,6 +71,7 @@ class EndDerivatives:
     curvature: Pattern
 
     @classmethod
+    @lru_cache(maxsize=PROBLEMS)
     def of(cls, problem: Problem, with_boundary: bool) -> EndDerivatives:
         """Differentiated once; without B where the program leaves the boundary conditions out."""
         e = ca.vertcat(problem.start, problem.end)

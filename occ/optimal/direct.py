@@ -11,6 +11,7 @@ from __future__ import annotations
 import ctypes
 import weakref
 from collections.abc import Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -24,10 +25,10 @@ from occ.optimal.chains import Chains
 from occ.optimal.derivatives import EndDerivatives
 from occ.optimal.engines import NOT_FINITE
 from occ.optimal.interval_code import IntervalCode, output
-from occ.optimal.intervals import IntervalMaps
+from occ.optimal.intervals import interval_maps
 from occ.optimal.machine_code import LANES, Source
 from occ.optimal.mesh import Scheme
-from occ.optimal.problem import Problem
+from occ.optimal.problem import PROBLEMS, Problem
 
 FRAME = Path(__file__).with_name("direct.c")
 HEADER = "fatrop/ocp/OCPCInterface.h"
@@ -93,6 +94,15 @@ class DirectCode:
         return self._library
 
 
+@lru_cache(maxsize=PROBLEMS)
+def direct_code(problem: Problem, chains: Chains, scheme: Scheme) -> DirectCode | None:
+    """The code of a problem, made once for meshes of any size; None where it cannot be had."""
+    try:
+        return DirectCode(problem, chains, scheme)
+    except NotInC:
+        return None
+
+
 class DirectSolver:
     """FATROP on a program of so many intervals.
 
@@ -152,7 +162,7 @@ def _fatrop(folder: Path) -> ctypes.CDLL:
 
 def _write_functions(problem: Problem, chains: Chains, scheme: Scheme, source: Source) -> None:
     """Sizes, patterns and functions that the frame asks for."""
-    maps = IntervalMaps(problem, chains, scheme)
+    maps = interval_maps(problem, chains, scheme)
     IntervalCode(maps, problem, source)
     y, h = ca.SX.sym("y", maps.ny), ca.SX.sym("h")
     source.routine(ca.Function("step", [y, h], [ca.densify(maps.step(y, h))]), "interval_step")

@@ -11,6 +11,8 @@ from collections.abc import Callable
 import numpy as np
 
 from occ.control import Control
+from occ.model.coefficients import coefficients
+from occ.model.dynamics import forward_function
 from occ.numeric import BufferedFunction
 from occ.task import Task
 
@@ -33,7 +35,8 @@ class DrivenMotion:
         from scipy.integrate import solve_ivp
 
         self.task = task
-        forward = BufferedFunction(task.dynamics.functions["forward"])
+        forward = BufferedFunction(forward_function(task.platform.wheel_count))
+        forward.inputs[0][:] = coefficients(task.platform)
         self.edges = np.concatenate([[0.0], control.knots, [task.duration]])
         self._pieces: list[Callable[[np.ndarray], np.ndarray]] = []
         self.start = state = start
@@ -58,7 +61,7 @@ def _rate(
     forward: BufferedFunction, torque: Callable[[float, np.ndarray], np.ndarray]
 ) -> Callable[[float, np.ndarray], np.ndarray]:
     """x' as a fast function of t and x."""
-    states, torques = forward.inputs
+    _, states, torques = forward.inputs
     (result,) = forward.outputs
 
     def rate(t: float, state: np.ndarray) -> np.ndarray:

@@ -307,7 +307,7 @@ def _violations(transcription: Transcription, numbers: Numbers, nodes: Nodes, in
 def _end_violations(transcription: Transcription, numbers: Numbers, nodes: Nodes, ends: list[_Soft]) -> list[Violation]:
     found = []
     start, end = nodes.edges[:, 0], nodes.edges[:, -1]
-    boundary = np.array(transcription.problem.boundary_function()(start, end, numbers.parameters)[1])[:, 0]
+    boundary = np.array(transcription.problem.boundary_function(start, end, numbers.parameters)[1])[:, 0]
     for soft in ends:
         vector, source = ("state", end) if soft.vector == "end" else ("boundary", boundary)
         parts, bounds = _parts(soft, source[soft.index][:, None, None])

@@ -250,12 +250,9 @@ def enclosed_pose(velocity: EnclosedVelocity, start: np.ndarray, point: tuple[fl
 
 def _missed(edges: np.ndarray, heading: np.ndarray, velocity: np.ndarray, rates: np.ndarray) -> np.ndarray:
     """(2, N) [m/s] Largest |R(psi) V - p| for polynomials p."""
-    psi, v, p = ca.SX.sym("psi"), ca.SX.sym("v", 2), ca.SX.sym("p", 2)
-    c, s = ca.cos(psi), ca.sin(psi)
-    rest = ca.vertcat(c * v[0] - s * v[1], s * v[0] + c * v[1]) - p
     powers = stacked([*heading, *velocity, *rates])
     quantities = Quantities(
-        function=ca.Function("missed", [ca.SX.sym("t"), ca.vertcat(psi, v, p), ca.SX(0, 1)], [rest]),
+        function=_miss(),
         edges=edges,
         powers=powers,
         slack=UNIT * powers.shape[2] * size_of(powers),
@@ -264,3 +261,12 @@ def _missed(edges: np.ndarray, heading: np.ndarray, velocity: np.ndarray, rates:
         smooth=np.ones(len(edges) - 1, dtype=bool),
     )
     return NEGLIGIBLE * proven(quantities).largest
+
+
+@cache
+def _miss() -> ca.Function:
+    """R(psi) V - p: CasADi function (t, (psi, V, p) (5,), nothing) -> (2,) [m/s]."""
+    psi, v, p = ca.SX.sym("psi"), ca.SX.sym("v", 2), ca.SX.sym("p", 2)
+    c, s = ca.cos(psi), ca.sin(psi)
+    rest = ca.vertcat(c * v[0] - s * v[1], s * v[0] + c * v[1]) - p
+    return ca.Function("missed", [ca.SX.sym("t"), ca.vertcat(psi, v, p), ca.SX(0, 1)], [rest])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import casadi as ca
 
@@ -10,9 +11,11 @@ from occ.compiler import NotInC
 from occ.optimal.chains import Chains
 from occ.optimal.gather import Entries
 from occ.optimal.interval_code import PARAMETERS, IntervalCode
+from occ.optimal.intervals import interval_maps
 from occ.optimal.lifts import FromControls, Where
 from occ.optimal.machine_code import Source, at_many
-from occ.optimal.problem import Problem
+from occ.optimal.mesh import Scheme
+from occ.optimal.problem import PROBLEMS, Problem
 
 
 class InMachineCode(FromControls):
@@ -24,13 +27,7 @@ class InMachineCode(FromControls):
 
     def __init__(self, problem: Problem, chains: Chains, where: Where) -> None:
         super().__init__(problem, chains, where)
-        source = Source()
-        code = IntervalCode(self._maps, problem, source)
-        for name, result in code.results.items():
-            arguments = [f"a{i}" for i in range(len(code.sizes[name]))]
-            body = [f"interval_{name}({', '.join(arguments)}, result);"]
-            source.external(f"all_{name}", code.sizes[name], (PARAMETERS,), result, body)
-        self._functions = source.load()
+        self._functions = _functions(problem, chains, where.scheme)
 
     def _all(self, name: str, multipliers: Sequence[ca.MX] = ()) -> ca.MX:
         """(k, N) From all intervals."""
@@ -78,3 +75,15 @@ def integrals(problem: Problem, where: Where, compiled: bool) -> FromControls:
         except NotInC:
             pass
     return FromControls(problem, chains, where)
+
+
+@lru_cache(maxsize=PROBLEMS)
+def _functions(problem: Problem, chains: Chains, scheme: Scheme) -> dict[str, ca.Function]:
+    """Of an interval, `all_NAME` of several at a time."""
+    source = Source()
+    code = IntervalCode(interval_maps(problem, chains, scheme), problem, source)
+    for name, result in code.results.items():
+        arguments = [f"a{i}" for i in range(len(code.sizes[name]))]
+        body = [f"interval_{name}({', '.join(arguments)}, result);"]
+        source.external(f"all_{name}", code.sizes[name], (PARAMETERS,), result, body)
+    return source.load()

@@ -18,12 +18,13 @@ from occ.control import SymbolicControl
 from occ.laws.base import path_trajectory
 from occ.model.coefficients import Coefficients, coefficients, packed_size, unpack
 from occ.model.constraint import path_functions
-from occ.model.dynamics import state_rate
+from occ.model.dynamics import forward_function, state_rate
 from occ.numeric import evaluate_many
 from occ.optimal.cost import cost_of
 from occ.optimal.driven import DrivenMotion
 from occ.optimal.formulation import Formulation, Rotation
 from occ.optimal.limits import LimitedMoment, limit_expressions
+from occ.optimal.nearby import Nearby
 from occ.optimal.problem import Bounds, Names, Nodes, Problem, Row, flat
 from occ.optimal.reduced import claim_places, path_control
 from occ.optimal.shape import Shape
@@ -233,10 +234,8 @@ class Full(Formulation):
         points = transcription.node_times(edges)
         nodes = Nodes(np.zeros((nx, len(edges))), np.zeros((nx, *points.shape)), np.zeros((nu, *points.shape)))
         for t, states in ((edges, nodes.edges), (points, nodes.points)):
-            heading, yaw_rate, acceleration = rotation(t.ravel())
-            states[:6] = self.task.states_on_program(t.ravel(), heading, yaw_rate).reshape(6, *t.shape)
-            torque = self._torque_on_program(t.ravel(), heading, yaw_rate, acceleration)
-            n = len(torque)
+            state, torque = self._guessed(t.ravel(), rotation)
+            states[:6], n = state.reshape(6, *t.shape), len(torque)
             if self.shape.has_torque_states:
                 states[6 : 6 + n] = torque.reshape(n, *t.shape)
             elif t is points:
@@ -244,6 +243,14 @@ class Full(Formulation):
         if self.shape.constant:
             nodes.control[:] = nodes.control.mean(axis=2, keepdims=True)
         return nodes
+
+    def _guessed(self, t: np.ndarray, rotation: Rotation) -> tuple[np.ndarray, np.ndarray]:
+        """States (6, N) and torques (n, N) at times t (N,), with B on its program or where a solution nearby has it."""
+        if isinstance(rotation, Nearby) and self.settings.keep != "path":
+            return rotation.motion(t)
+        heading, yaw_rate, acceleration = rotation(t)
+        torque = self._torque_on_program(t, heading, yaw_rate, acceleration)
+        return self.task.states_on_program(t, heading, yaw_rate), torque
 
     def _torque_on_program(
         self, t: np.ndarray, heading: np.ndarray, yaw_rate: np.ndarray, acceleration: np.ndarray
@@ -281,8 +288,7 @@ class Full(Formulation):
             points = transcription.scheme.nodes
             whole = np.concatenate([nodes.edges[:, :-1, None], nodes.points], axis=2)
             torque = whole[6 : 6 + n]
-            (rate,) = evaluate_many(self.task.dynamics.functions["forward"], flat(whole[:6]), flat(torque))
-            acceleration = rate[5].reshape(torque.shape[1:])
+            acceleration = self._forward(flat(whole[:6]), flat(torque))[5].reshape(torque.shape[1:])
         else:
             _, derivative, control = transcription.interpolate(nodes, points)
             torque, acceleration = control[:n], derivative[5] / np.diff(edges)[:, None]
@@ -340,6 +346,12 @@ class Full(Formulation):
             return None
         return replace(self, settings=replace(self.settings, aside=aside))
 
+    def _forward(self, state: np.ndarray, torque: np.ndarray) -> np.ndarray:
+        """d(state)/dt (6, N) at states (6, N) under torques (n, N)."""
+        platform = self.task.platform
+        numbers = coefficients(platform)
+        return evaluate_many(forward_function(platform.wheel_count), numbers, state, torque, shared=(0,))[0]
+
     def driven(self, transcription: Transcription, edges: np.ndarray, nodes: Nodes) -> DrivenMotion:
         """The motion that the torques of a solution make; that of the last solution is kept."""
         if not self._last or self._last[0] is not nodes:
@@ -357,7 +369,7 @@ class Full(Formulation):
         if self.settings.keep != "path":
             state = self.driven(transcription, edges, nodes)(t)
             torque = self.control(transcription, edges, nodes).torque(t, state)
-            return Trajectory(t, state, evaluate_many(self.task.dynamics.functions["forward"], state, torque)[0])
+            return Trajectory(t, state, self._forward(state, torque))
         state, derivative, _ = transcription.interpolate(nodes, np.append(s, 1.0))
         rate = derivative / np.diff(edges)[:, None]
         heading, yaw_rate, acceleration = (

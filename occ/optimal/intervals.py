@@ -10,7 +10,7 @@ for numbers of any kind: matrices of all intervals, column by column, or symbols
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import casadi as ca
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from occ.optimal.chains import Chains, integrated
 from occ.optimal.derivatives import NodeDerivatives
 from occ.optimal.mesh import Scheme
-from occ.optimal.problem import Problem
+from occ.optimal.problem import PROBLEMS, Problem
 
 
 class IntervalMaps:
@@ -116,6 +116,12 @@ class IntervalMaps:
                 both = np.outer(self._map.points[i, a], self._map.points[i, b])
                 matrix[:, :, i, k] = np.triu(both if a == b else both + both.T)
         return _nonzeros(matrix.reshape(self.ny, self.ny, self.degree * len(pattern[0])))
+
+
+@lru_cache(maxsize=PROBLEMS)
+def interval_maps(problem: Problem, chains: Chains, scheme: Scheme) -> IntervalMaps:
+    """The maps of a problem and a scheme, made once for meshes of any size."""
+    return IntervalMaps(problem, chains, scheme)
 
 
 def in_scaled_variables(problem: Problem, chains: Chains) -> Problem:

@@ -153,7 +153,7 @@ def stages(problem: Problem, scheme: Scheme, intervals: int, boundary: bool, int
     nx, nu, _, _, nh, nb = problem.sizes
     degree, count = len(scheme.points), intervals
     inner = 0 if integrated else degree * nx
-    carried = nx if (boundary and nb) or problem.couples_ends_in_cost() else 0
+    carried = nx if (boundary and nb) or problem.couples_ends_in_cost else 0
     each_unknown = (nx + carried) + inner + degree * nu
     held = problem.held * (degree - 1)
     each_condition = (nx + carried) + inner + degree * nh + held

@@ -15,7 +15,7 @@ from occ.numeric import on_rows
 from occ.optimal.chains import Chains
 from occ.optimal.derivatives import NodeDerivatives, Pattern
 from occ.optimal.gather import Entries, columns_scaled, ordered, scattered
-from occ.optimal.intervals import IntervalMaps
+from occ.optimal.intervals import interval_maps
 from occ.optimal.layout import Layout
 from occ.optimal.mesh import Scheme
 from occ.optimal.problem import Problem, flat
@@ -125,7 +125,7 @@ class FromControls:
     def __init__(self, problem: Problem, chains: Chains, where: Where) -> None:
         layout = where.layout
         assert layout.ends is not None
-        self._where, self._maps = where, IntervalMaps(problem, chains, where.scheme)
+        self._where, self._maps = where, interval_maps(problem, chains, where.scheme)
         self._steps, self._path = layout.ends, flat(layout.path)
         self._degree = self._maps.degree
         self._nx, self._count = layout.ends.shape

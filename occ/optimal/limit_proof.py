@@ -213,7 +213,7 @@ def _path_function(
     data = [position, velocity] if full else [velocity, acceleration]
     if problem.data.numel() > 4:
         data.append(ca.jacobian(acceleration, t))
-    path = problem.node_function()(problem.state, problem.control, ca.vertcat(*data), problem.parameters)[2]
+    path = problem.node_function(problem.state, problem.control, ca.vertcat(*data), problem.parameters)[2]
     z, numbers = ca.vertcat(problem.state, problem.control), ca.vertcat(problem.parameters, values)
     return ca.Function("limited_quantities", [t, z, numbers], [ca.densify(path)])
 

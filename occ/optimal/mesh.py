@@ -13,7 +13,7 @@ from occ.trajectory import lagrange_basis
 SchemeName = Literal["radau", "legendre"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scheme:
     """x(s) = sum_j x_j l_j(s) on the nodes 0, c_1 .. c_d; x'(c_i) = h f_i; J = h sum w_i g_i.
 

@@ -8,6 +8,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+PROBLEMS = 64
+"""Problems whose derivatives a process keeps."""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -94,17 +97,20 @@ class Problem:
         """(nh,) of booleans: the path condition depends on the control, not on the state alone."""
         return np.array(ca.which_depends(self.path, self.control, 1, True), dtype=bool)
 
+    @cached_property
     def node_function(self) -> ca.Function:
         """CasADi function (x, u, d, p) -> f, g, h."""
         arguments = [self.state, self.control, self.data, self.parameters]
         return ca.Function("node", arguments, [ca.densify(x) for x in (self.rate, self.integrand, self.path)])
 
+    @cached_property
     def couples_ends_in_cost(self) -> bool:
         """F has a term in both x(0) and x(T), which a solver that works stage by stage cannot hold."""
         ends = ca.vertcat(self.start, self.end)
         mixed = ca.hessian(self.terminal, ends)[0][: self.start.numel(), self.start.numel() :]
         return bool(mixed.nnz())
 
+    @cached_property
     def boundary_function(self) -> ca.Function:
         """CasADi function (x(0), x(T), p) -> F, B."""
         arguments = [self.start, self.end, self.parameters]

@@ -17,6 +17,7 @@ from occ.optimal.formulation import Formulation, Rotation
 from occ.optimal.infeasible import least_relaxation
 from occ.optimal.limit_proof import with_proof
 from occ.optimal.limits import with_knots
+from occ.optimal.nearby import Nearby
 from occ.optimal.problem import Nodes, Numbers
 from occ.optimal.refinement import NumbersOf, Refinement, filled_up
 from occ.optimal.starts import NamedStart, same_minimum
@@ -80,6 +81,19 @@ class Search(Refinement):
         for formulation in easier[1:]:
             ways = self._with_aim(formulation)._met(grid, ways)
         return self._from_each(grid, ways)
+
+    def near(self, nearby: Nearby) -> dict[str, Attempt]:
+        """A first solve on the mesh of a solution nearby and from its motion, which needs no easier aims.
+
+        Args:
+            nearby: the solution, on the horizon of the task.
+
+        Returns:
+            The attempt by the name of its way.
+        """
+        edges = with_knots(nearby.edges, self._kept) if self._kept.size else nearby.edges
+        grid = Grid(edges=edges, degree=self.method.degree, scheme=self.formulation.settings.scheme)
+        return self._from_each(grid, {"a solution nearby": nearby})
 
     def _with_aim(self, formulation: Formulation) -> Search:
         """Another search of the same kind; its rounds count as this one's."""

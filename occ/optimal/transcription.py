@@ -7,17 +7,15 @@ scheme); widths, node data, parameters and bounds are numbers that are written i
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property
 from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from occ.compiler import NotInC
 from occ.errors import Status
 from occ.numeric import evaluate_many
 from occ.optimal.chains import Chains, integrated
-from occ.optimal.direct import DirectCode, DirectSolver
+from occ.optimal.direct import DirectCode, DirectSolver, direct_code
 from occ.optimal.engines import CasadiEngine, Engine
 from occ.optimal.exchange import Exchange
 from occ.optimal.layout import Layout, blocks, stages
@@ -95,7 +93,7 @@ class Transcription:
         self.problem, self.intervals, self.degree, self.name = problem, intervals, degree, name
         self.scheme: Scheme = scheme(name, degree)
         self.options = options or SolverOptions()
-        self._node = problem.node_function()
+        self._node = problem.node_function
         self._chains = Chains.of(problem) if self.options.solver == "fatrop" else None
         self._maps = None if self._chains is None else integrated(self._chains, self.scheme)
         self._layouts: dict[tuple[bool, bool], Layout] = {}
@@ -138,15 +136,12 @@ class Transcription:
             )
         return self._programs[key]
 
-    @cached_property
+    @property
     def _code(self) -> DirectCode | None:
         """For FATROP without CasADi in between; None where that is not asked for or cannot be had."""
         if self._chains is None or not self.options.compiled:
             return None
-        try:
-            return DirectCode(self.problem, self._chains, self.scheme)
-        except NotInC:
-            return None
+        return direct_code(self.problem, self._chains, self.scheme)
 
     def _engine(self, variant: _Variant) -> Engine:
         options = replace(self.options, iterations=variant.iterations)

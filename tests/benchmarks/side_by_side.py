@@ -141,7 +141,7 @@ def exported(task: Task) -> dict[str, Any]:
     formulation = posed(task)
     problem, t = formulation.problem(), ca.SX.sym("t")
     _, velocity, acceleration = kinematics_function(*task.motion_structure)(t, task.motion.values())
-    values = problem.node_function()(
+    values = problem.node_function(
         problem.state, problem.control, ca.vertcat(velocity, acceleration), ca.DM(formulation.parameters())
     )
     function = ca.Function("model", [t, problem.state, problem.control], list(values))

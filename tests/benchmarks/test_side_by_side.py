@@ -20,7 +20,7 @@ def test_other_packages_get_the_same_equations(case: side_by_side.Case) -> None:
     for t in rng.uniform(0, case.task.duration, 3):
         x, u = rng.normal(size=2), rng.normal(size=problem.control.numel())
         data = formulation.data(np.array([t, t + 1.0]), np.zeros(1))[:, 0, 0]
-        expected = problem.node_function()(x, u, data, formulation.parameters())
+        expected = problem.node_function(x, u, data, formulation.parameters())
         for found, truth in zip(evaluate(model, math, [t], x, u), expected, strict=True):
             np.testing.assert_allclose(found, np.array(truth)[:, 0], rtol=1e-12, atol=1e-12)
 

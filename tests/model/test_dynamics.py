@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from occ.errors import InputError
 from occ.model.coefficients import coefficients, packed_size, unpack
-from occ.model.dynamics import Dynamics, dynamics, friction_time, parametric_functions
+from occ.model.dynamics import Dynamics, dynamics, forward_function, friction_time, parametric_functions
 from occ.model.platform import Platform, Wheel, parameter_names
 from occ.model.presets import YouBot, youbot
 from tests.strategies import platforms, states, vectors, youbot_overrides
@@ -343,6 +343,14 @@ class TestCoefficients:
         forward = column(d.forward(state, torque))[3:]
         np.testing.assert_allclose(column(k.acceleration(state[3:], torque)), forward, rtol=1e-10, atol=1e-9)
         np.testing.assert_array_equal(np.array(k.wheel_rates).T, np.array(d.input_map(np.zeros(6))))
+
+    @given(data=st.data(), platform=platforms(), state=states())
+    def test_one_function_of_the_packed_matrices_is_the_forward_dynamics_of_every_platform(
+        self, data: st.DataObject, platform: Platform, state: np.ndarray
+    ) -> None:
+        torque = data.draw(vectors(platform.wheel_count, 3.0))
+        rate = column(forward_function(platform.wheel_count)(coefficients(platform), state, torque))
+        np.testing.assert_allclose(rate, column(dynamics(platform).forward(state, torque)), rtol=1e-10, atol=1e-9)
 
     def test_nobody_can_change_the_packed_matrices_of_a_platform(self) -> None:
         with pytest.raises(ValueError, match="read-only"):
