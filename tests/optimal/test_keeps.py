@@ -41,7 +41,7 @@ def solved(task: Task, objective: str, keep: str) -> Record:
 
 
 CELLS = [
-    pytest.param("figure_eight", "bus_work", ("path", "tube", "ends")),
+    pytest.param("figure_eight", "bus_work", ("path", "tube", "ends"), marks=pytest.mark.slow),
     pytest.param("figure_eight", "absolute_work", ("path",)),
     *[
         pytest.param(name, objective, ("path", "ends"), marks=pytest.mark.slow)
