@@ -202,6 +202,9 @@ def power_of_ten(value: float, _: float = 0.0) -> str:
 
     Args:
         value: a power of ten.
+
+    Returns:
+        Text.
     """
     exponent = round(math.log10(value))
     return f"{value:g}" if exponent in {0, 1} else "10" + str(exponent).translate(_RAISED)

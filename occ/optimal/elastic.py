@@ -84,6 +84,9 @@ class Relaxation:
 
         Args:
             most: conditions that are named.
+
+        Returns:
+            Text, with numbers and units.
         """
         named = "; ".join(str(violation) for violation in self.violations[:most])
         wider = away(100 * self.part, up=True, digits=3)

@@ -126,10 +126,13 @@ class Enclosure:
     choices: dict[int, np.ndarray] = field(default_factory=dict)
 
     def around(self, *arguments: Sequence[Balls]) -> list[Balls]:
-        """Balls of the output's entries.
+        """The output over whole panels.
 
         Args:
             arguments: rows of each argument; the centres are values at the middles of the panels, (P,).
+
+        Returns:
+            Balls of the output's entries.
         """
         self.choices = {}
         return self._run(arguments, settled=False)
@@ -139,6 +142,9 @@ class Enclosure:
 
         Args:
             arguments: rows of each argument, (P, m).
+
+        Returns:
+            Balls of the output's entries.
         """
         return self._run(arguments, settled=True)
 

@@ -93,11 +93,14 @@ class Exchange:
             conditions[layout.boundary] = none if numbers.boundary is None else getattr(numbers.boundary, side)
 
     def read(self, maps: Integrated | None, edges: np.ndarray) -> Nodes:
-        """The solution at edges and nodes.
+        """What the solver has left in the outputs.
 
         Args:
             maps: from the controls to the states at the points, where these are not unknowns.
             edges: (N + 1,) of the mesh.
+
+        Returns:
+            The solution at edges and nodes.
         """
         layout, x = self._layout, self.outputs["x"]
         if layout.points is not None:
@@ -108,10 +111,13 @@ class Exchange:
         return Nodes(x[layout.edges], points, x[layout.control])
 
     def costates(self, weights: np.ndarray) -> np.ndarray | None:
-        """(nx, N, d) p = -lambda / w from the multipliers lambda of the defects; None where there are no defects.
+        """p = -lambda / w from the multipliers lambda of the defects.
 
         Args:
             weights: (d,) w of the quadrature on the collocation points.
+
+        Returns:
+            (nx, N, d); None where there are no defects.
 
         Source: Betts, Practical Methods for Optimal Control and Estimation, section 4.10 (discrete adjoints); Garg et
             al., A unified framework for the numerical solution of optimal control problems, Automatica 46 (2010).
@@ -125,6 +131,9 @@ class Exchange:
 
         Args:
             least: up to which the absolute amount, which is never smaller, does as well.
+
+        Returns:
+            0 where all hold.
         """
         under, over = self._lower - self._values, self._values - self._upper
         worst = float(np.maximum(under, over).max(initial=0.0))

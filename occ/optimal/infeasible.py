@@ -31,11 +31,14 @@ ROUNDING = 1e-9
 
 
 def passed_at_ends(task: Task, ends: EndConditions) -> str:
-    """The limits that a start or an end passes that nothing can change, in words; empty where there are none.
+    """The limits that a start or an end passes that nothing can change.
 
     Args:
         task: with its limits.
         ends: what holds at both ends.
+
+    Returns:
+        In words; empty where there are none.
     """
     given = []
     if ends.start == "given":

@@ -38,6 +38,9 @@ class Nearby:
             solution: of a task nearby.
             duration: [s] of the new horizon.
 
+        Returns:
+            The start of a search.
+
         Raises:
             InputError: there is no solution in it, no motion or no mesh.
         """

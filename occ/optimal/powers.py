@@ -76,12 +76,15 @@ def integral(powers: np.ndarray, edges: np.ndarray, start: np.ndarray) -> np.nda
 
 
 def integral_slack(result: np.ndarray, edges: np.ndarray, slack: np.ndarray | float = 0.0) -> np.ndarray:
-    """(m, N) How far rounding may have moved an `integral`.
+    """How far rounding may have moved an `integral`.
 
     Args:
         result: (m, N, d) the integrals.
         edges: (N + 1,) [s].
         slack: (m, N) how far it may have moved what was integrated.
+
+    Returns:
+        (m, N).
     """
     size = np.maximum.accumulate(size_of(result), axis=1)
     own = UNIT * result.shape[1] * result.shape[2] * size

@@ -147,11 +147,14 @@ def _on_limits(formulation: Formulation, attempt: Attempt) -> tuple[list[str], n
 
 
 def switching_of(formulation: Formulation, attempt: Attempt) -> Switching | None:
-    """The switching function of a solution; None where no costates are found.
+    """The switching function of a solution.
 
     Args:
         formulation: of the task.
         attempt: the solution.
+
+    Returns:
+        None where no costates are found.
     """
     outcome = attempt.outcome
     if outcome.costates is None:

@@ -149,12 +149,15 @@ def nonlinear_solver(
 
 
 def fatrop_settings(options: SolverOptions, *, bounded: bool, restart: bool) -> dict[str, float]:
-    """By FATROP's own names.
+    """Tolerance, iterations and barrier of FATROP.
 
     Args:
         options: as of `nonlinear_solver`.
         bounded: with inequalities.
         restart: for starts from a solution nearby.
+
+    Returns:
+        By FATROP's own names.
     """
     tolerance = max(options.tolerance, FATROP_BOUNDED) if bounded else options.tolerance
     return _settings(options, restart) | {"tol": tolerance}

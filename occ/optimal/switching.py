@@ -38,10 +38,13 @@ class Switching:
         return np.asarray(np.abs(self.values).max(axis=0))
 
     def kelley_holds(self, intervals: np.ndarray) -> bool | None:
-        """Whether Kelley's expression is positive on some intervals; None where it says nothing.
+        """Whether Kelley's expression is positive on some intervals.
 
         Args:
             intervals: (N,) of booleans: the singular ones.
+
+        Returns:
+            None where it says nothing.
         """
         seen = np.abs(self.kelley).max(axis=(1, 2)) != 0.0
         # One expression for each control is the whole condition only where there is one control.

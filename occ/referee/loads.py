@@ -16,6 +16,9 @@ JUMP = 1e-3
 """[s] A jump of a torque counts as a change within this time."""
 ROUNDING = 1e-9
 """Wheels whose peaks are this near to each other, relative to them, need the same."""
+TORQUE_ROUNDING = 1e-14
+"""Part of the largest torque by which rounding may move one: a sign that changes next to an edge makes a panel so short
+that nothing else is seen of its rates."""
 BETWEEN_NODES = 17
 """Places between two nodes at which a peak is looked for."""
 BETWEEN = 33
@@ -87,13 +90,13 @@ def _largest(values: np.ndarray) -> tuple[int, int]:
 
 
 def torque_rate_peak(samples: Samples) -> Peak:
-    """Largest |dM_i/dt| [N m/s]: of the torques' polynomials in each step, and of their jumps between steps.
+    """Largest |dM_i/dt| [N m/s]: of the torques' polynomials in each panel, and of their jumps between panels.
 
     Args:
         samples: of the true motion.
 
     Returns:
-        Value, wheel and time; a jump counts as a change within a millisecond.
+        Value, wheel and time; a jump counts as a change within a millisecond, and what rounding may add does not count.
     """
     count = samples.nodes
     wheels = len(samples.torque)
@@ -101,10 +104,12 @@ def torque_rate_peak(samples: Samples) -> Peak:
     torque = samples.torque.reshape(wheels, -1, count)
     nodes, _ = gauss_lobatto(count)
     places = np.linspace(0.0, 1.0, BETWEEN)
-    rates = torque @ (differentiation(nodes) @ lagrange_basis(nodes, places)) / (t[:, -1] - t[:, 0])[:, None]
+    slopes, widths = differentiation(nodes) @ lagrange_basis(nodes, places), (t[:, -1] - t[:, 0])[:, None]
+    rounding = TORQUE_ROUNDING * np.abs(torque).max(initial=0.0) * np.abs(slopes).sum(axis=0) / widths
+    rates = np.maximum(np.abs(torque @ slopes) / widths - rounding, 0.0)
     times = t[:, :1] + (t[:, -1:] - t[:, :1]) * places
     jumps = (torque[:, 1:, 0] - torque[:, :-1, -1]) / JUMP
-    values = np.abs(np.concatenate([rates.reshape(wheels, -1), jumps], axis=1))
+    values = np.concatenate([rates.reshape(wheels, -1), np.abs(jumps)], axis=1)
     moments = np.concatenate([times.ravel(), t[1:, 0]])
     wheel, column = _largest(values)
     return Peak(float(values[wheel, column]), wheel, float(moments[column]))

@@ -18,6 +18,7 @@ from occ.numeric import BufferedFunction
 from occ.optimal.collocation import Collocation
 from occ.plant import Plant
 from occ.referee import Tolerances, drive, examine
+from occ.referee.loads import torque_rate_peak
 from occ.referee.replay import Replay, ReplaySettings, Samples, crossings, gauss_lobatto
 from occ.task import Limits, Player, Solution, Task
 from tests.tasks import paper_task
@@ -131,3 +132,15 @@ def test_what_is_zero_but_for_rounding_has_no_kinks() -> None:
     noise = np.where(np.arange(8) % 2, 1e-17, -1e-17)
     samples.torque[0] = noise
     assert crossings(samples)[0].size == 0
+
+
+@pytest.mark.parametrize("length", [1e-13, 1e-9, 1e-4, 1.0])
+@pytest.mark.parametrize("rate", [0.0, 3.0])
+def test_torque_rates_are_not_those_of_rounding(length: float, rate: float) -> None:
+    """A power that changes its sign next to an edge makes a panel of a tenth of a picosecond."""
+    samples = one_panel(Polynomial([1.7, rate]), length)
+    samples.torque[:] *= 1 + 2e-16 * np.random.default_rng(1).integers(-2, 3, samples.torque.shape)
+    # Below a nanosecond rounding hides it; above, it is seen.
+    peak = torque_rate_peak(samples).value
+    assert peak <= rate * (1 + 1e-9)
+    assert peak >= rate * (1 - 1e-3) or length < 1e-8
