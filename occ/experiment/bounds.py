@@ -33,6 +33,8 @@ AS_TIGHT = 1e-6
 """Relative difference below which two proven bounds are called as tight as each other."""
 RELATIVE_TOLERANCE = 1e-9
 """A value below a proven bound by less than this is a rounding error."""
+SIGNED = ("work", "electric")
+"""Objectives in which what flows back is counted against what flows out."""
 SLOWEST = 0.1
 """[m/s] Speed of B to which its velocity error is related; a slower program makes the estimate too small only where the
 error itself is far below what the referee lets pass."""
@@ -145,6 +147,9 @@ def _tightest(holding: Iterable[Bound]) -> Bound:
 def _value_error(row: Mapping[str, Any], name: str) -> float:
     """How uncertain the referee's value is: its ledger, and B's velocity error, which changes the friction's share."""
     reached = abs(row[objective(name).column])
+    if name in SIGNED:
+        # A difference of large works is as uncertain as they are.
+        reached = max(reached, row.get("absolute_work_J") or 0.0)
     ledger = abs(row.get("energy_residual_J") or 0.0) if name == "work" else 0.0
     # Twice the relative error of the velocity: friction is quadratic in it.
     velocity = 2.0 * (row.get("velocity_error_m_s") or 0.0) / SLOWEST

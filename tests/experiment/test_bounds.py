@@ -78,6 +78,17 @@ def test_feasible_row_below_a_certified_bound_is_an_error() -> None:
         assert bound_columns(harmless, "work", [certified])["work_bound_kind"] == "none"
 
 
+def test_a_difference_of_large_works_is_as_uncertain_as_they_are() -> None:
+    # Without friction a periodic motion takes no work; what is left of 5 J to and fro is rounding.
+    exact = Bound(0.0, "exact", MotionClass("path", "given", "free"))
+    flowing = row(-1.8e-12) | {"absolute_work_J": 5.0}
+    assert bound_columns(flowing, "work", [exact])["work_bound_kind"] == "exact"
+    with pytest.raises(BoundViolation):
+        bound_columns(flowing | {"work_J": -1e-7}, "work", [exact])
+    with pytest.raises(BoundViolation):
+        bound_columns(row(-1.8e-12), "work", [exact])
+
+
 def test_certified_bound_is_checked_also_where_a_local_one_is_tighter() -> None:
     motions = MotionClass("path", "given", "free")
     with pytest.raises(BoundViolation):
