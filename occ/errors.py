@@ -41,5 +41,8 @@ _ADVICE = {
     Status.INFEASIBLE: "raise the limit that the message names, or choose a controller that can respect it",
     Status.FAILED: "loosen the tolerance, refine the mesh, or start from another initial guess",
     Status.UNSTABLE: "shorten the horizon or choose another motion: the state grew beyond any physical value",
-    Status.CRASHED: "report the message: the controller raised an error of its own, or its process was lost",
+    Status.CRASHED: (
+        "the message says why: what ran out of time wants more --time-limit or --patience; an error of the controller "
+        "or a lost process should be reported"
+    ),
 }

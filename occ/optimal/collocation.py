@@ -26,6 +26,7 @@ from occ.optimal.mesh import SchemeName, graded_mesh
 from occ.optimal.nearby import Nearby
 from occ.optimal.reduced import Reduced
 from occ.optimal.refinement import MOST_INTERVALS
+from occ.optimal.scouts import scouted
 from occ.optimal.search import Search
 from occ.optimal.shape import EndConditions, Settings
 from occ.optimal.singular import note
@@ -50,7 +51,7 @@ LEAST_NON_SMOOTH = 1e-11
 LEAST_TOLERANCE = 1e-12
 """Below this the error between nodes is rounding, and no mesh would do."""
 STARTS = 6
-"""Where nothing is said and a start takes milliseconds: the law's may end in a minimum that is a quarter dearer."""
+"""Where nothing is said: the law's may end in a minimum that is a quarter dearer."""
 EXTRA_TURNS = 1
 """Windings that ``any`` tries beyond those between no turn and the turns of the program."""
 
@@ -79,7 +80,8 @@ class Collocation:
         degree: of the state's polynomials in each interval.
         tolerance: largest error between nodes, relative to max(1, size) of each state and of the cost.
         starts: guesses from which the first mesh is solved; the best minimum is kept.  Left out: 6 with B on its
-            path and a cost without kinks, where a start takes milliseconds, and 1 elsewhere.
+            path and a cost without kinks, where a start takes milliseconds; elsewhere 1, and the minima to which the
+            others lead there and this one does not.
         solver: of the nonlinear program: ``ipopt``, or ``fatrop``, which goes through the horizon stage by stage, and
             which ipopt takes over from where it gives up.
         compiled: the program's functions in machine code where there is a C compiler (solver fatrop): the same numbers
@@ -182,17 +184,10 @@ class Collocation:
         return self.asked.regularised(self.keep, task.limits)
 
     @property
-    def start_count(self) -> int:
-        """Guesses from which the first mesh is solved."""
-        if self.starts is not None:
-            return self.starts
-        return STARTS if self.keep == "path" and not is_non_smooth(self.asked.terms) else 1
-
-    @property
     def options(self) -> SolverOptions:
         """Of the solver of the nonlinear programs."""
-        tolerance = SolverOptions().tolerance
-        if is_non_smooth(self.asked.terms):
+        tolerance, non_smooth = SolverOptions().tolerance, is_non_smooth(self.asked.terms)
+        if non_smooth:
             # Slacks that are zero over whole arcs converge slowly: no more than what the error between nodes asks for.
             most, part = NON_SMOOTH_TOLERANCE
             tolerance = max(min(most, part * self.tolerance), LEAST_NON_SMOOTH)
@@ -202,6 +197,7 @@ class Collocation:
             iterations=self.iterations,
             seconds=self.seconds,
             tolerance=tolerance,
+            ordering="minimum_degree" if non_smooth else "own",
         )
 
     @property
@@ -340,7 +336,7 @@ class Collocation:
         if passed:
             return replace(failed, status=Status.INFEASIBLE, message=passed)
         search = Search(formulation, self.method)
-        attempts = self._from_starts(search) if nearby is None else search.near(nearby)
+        attempts, starts = self._from_starts(search) if nearby is None else (search.near(nearby), 0)
         minima = distinct(formulation, attempts)
         attempt, reason = search.run(minima[0].attempt if minima else next(iter(attempts.values())))
         statistics: dict[str, Any] = {
@@ -355,10 +351,7 @@ class Collocation:
             formulation, attempt = smoothed.search.formulation, smoothed.attempt
             statistics |= smoothed.statistics
         notes = self._notes(formulation, attempt, smoothed)
-        if nearby is not None:
-            notes.append("searched from a solution nearby only")
-        elif self.start_count > 1:
-            notes.append(found_in_words(minima, self.start_count))
+        notes.append(found_in_words(minima, starts) if starts else "searched from a solution nearby only")
         given_up = [r["instead"] for r in search.rounds if "instead" in r]
         if given_up:
             notes.append(f"{len(given_up)} of {len(search.rounds)} solves by ipopt: {given_up[0]}")
@@ -367,17 +360,23 @@ class Collocation:
         statistics |= attempt.quality | {"complementarity_W": complementarity}
         return replace(solution, claim=claim, statistics=statistics)
 
-    def _from_starts(self, search: Search) -> dict[str, Attempt]:
-        """First solves by the names of their starts."""
-        task, ends = search.formulation.task, search.formulation.settings.ends
-        starts = starts_of(task, self.start_count, ends.turn, free=self.start == "free")
-        # Where nothing is said, the others are for better minima; limits that the first cannot hold, they hardly can.
-        first = starts if self.starts is not None else starts[:1]
-        mesh = self.first_mesh(task)
-        attempts = search.starts(mesh, first)
-        if any(attempt.outcome.status is Status.OK for attempt in attempts.values()):
-            attempts |= search.starts(mesh, starts[len(first) :])
-        return attempts
+    def _from_starts(self, search: Search) -> tuple[dict[str, Attempt], int]:
+        """First solves by the names of their ways, and how many starts there were."""
+        task, ends, mesh = (
+            search.formulation.task,
+            search.formulation.settings.ends,
+            self.first_mesh(search.formulation.task),
+        )
+        starts = starts_of(task, self.starts or STARTS, ends.turn, free=self.start == "free")
+        if self.starts is not None:
+            return search.starts(mesh, starts), len(starts)
+        # The others are for better minima; limits that the first cannot hold, they hardly can.
+        attempts = search.starts(mesh, starts[:1])
+        if not any(attempt.outcome.status is Status.OK for attempt in attempts.values()):
+            return attempts, 1
+        quick = self.keep == "path" and not is_non_smooth(self.asked.terms)
+        others = starts[1:] if quick else scouted(search.formulation, self.method, mesh, starts)
+        return attempts | search.starts(mesh, others), 1 + len(others)
 
     def _solution(self, formulation: Formulation, attempt: Attempt, notes: list[str]) -> Solution:
         transcription, nodes, edges = attempt.transcription, attempt.outcome.nodes, attempt.edges

@@ -169,7 +169,7 @@ def found_in_words(minima: Sequence[Minimum], starts: int) -> str:
     """
     if not minima:
         return "found from a motion that holds the limits, as no start leads to a minimum"
-    found = f"{len(minima)} distinct local minima from {starts} starts"
+    found = f"{len(minima)} distinct local minima from {starts} starts" if starts > 1 else "from one start"
     if len(minima) < 2 or minima[0].cost <= 0:
         return found
     more = 100 * (max(minimum.cost for minimum in minima) / minima[0].cost - 1)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pytest
 
 from occ.errors import Status
-from occ.motion import Line
+from occ.model.presets import omni3
+from occ.motion import Circle, Line
 from occ.optimal.collocation import STARTS, Collocation
 from occ.optimal.singular import layers
 from occ.optimal.starts import found_in_words, mean_turning_rate, starts_of
@@ -50,9 +52,30 @@ class TestSeveralStarts:
         assert left_out.statistics["claimed_cost"] == six.statistics["claimed_cost"]
         assert left_out.statistics["claimed_cost"] < 0.99 * alone.statistics["claimed_cost"]
         assert f"from {STARTS} starts" in left_out.message
-        assert "starts" not in alone.message
-        assert Collocation(objective="bus_work").start_count == 1
-        assert Collocation(objective="work", keep="ends").start_count == 1
+        assert alone.message.endswith("from one start")
+
+    @pytest.mark.parametrize(
+        ("objective", "sibling", "measure", "keys"),
+        [
+            ("torque_squared", "torque_squared", "torque_squared_N2m2s", {"keep": "tube", "radius": 0.01}),
+            ("electric_drawn", "electric", "electric_drawn_J", {}),
+            ("peak_torque", "torque_squared", "peak_torque_Nm", {}),
+        ],
+    )
+    def test_elsewhere_the_minima_of_the_smooth_problem_on_the_path_are_followed(
+        self, objective: str, sibling: str, measure: str, keys: dict[str, Any]
+    ) -> None:
+        # From the law's start these end at 2.3, 1.4 and 1.9 times of what is least.
+        task = paper_task(10.0, rate=0.7, radius=0.4, platform=omni3(), motion=Circle(radius=0.4, rate=0.7))
+        smooth = judge(task, Collocation(objective=sibling, tolerance=1e-4).solve(task))
+        solution = Collocation(objective=objective, tolerance=1e-3, **keys).solve(task)
+        found = judge(task, solution)
+        assert found.status is Status.OK, found.message
+        assert found.measures[measure] < smooth.measures[measure] * (1 + 1e-3)
+        alone = Collocation(objective=objective, tolerance=1e-3, starts=1, **keys).solve(task)
+        assert found.measures[measure] < 0.9 * judge(task, alone).measures[measure]
+        assert "distinct local minima from" in solution.message
+        assert "from one start" in alone.message
 
     def test_are_not_tried_where_the_law_leads_nowhere(self) -> None:
         task = paper_task(2.0, limits=Limits(torque=0.5))
