@@ -79,7 +79,7 @@ class Attempt:
         error: between the nodes; None where there is no solution.
         arcs: limits and clipped powers between the nodes; None where there are none.
         doubled: change of the cost when every interval was cut in two, relative to max(1, |J|); NaN where that was not
-            tried, infinite where it had no solution.
+            tried, infinite where it had no solution or would have too many intervals.
         growth: largest control on the doubled mesh, in units of that on this one; about 2 where a jump is spread over
             one interval; NaN where there is none.
         dearer: what it costs to hold the limits between the nodes, too, relative to max(1, |J|).
@@ -156,7 +156,7 @@ class Attempt:
         grid = f"{len(self.edges) - 1} intervals of degree {self.transcription.degree}"
         twice = f"; twice as many change the cost by {self.doubled:.1g} of it" if np.isfinite(self.doubled) else ""
         if self.doubled == math.inf:
-            twice = "; not confirmed by twice as many, for which the solver found no solution"
+            twice = "; not confirmed by twice as many, which have no solution or are too many"
         held = f"; holding the limits between nodes costs {self.dearer:.1g} of it" if self.dearer > 0.0 else ""
         proven = f"; {self.arcs.words}" if self.arcs is not None and self.arcs.words else ""
         short = self.outcome.statistics.get("return_status") == STOPPED_SHORT

@@ -74,7 +74,7 @@ class Collocation:
         formulation: ``reduced``: heading and yaw rate, V_X and V_Y eliminated by eq. (3.6), only with keep ``path``;
             ``full``: six states and all wheel torques; left out: ``reduced`` where that is possible.
         control: ``polynomial``, or ``constant`` for torques that are constant in each interval (full formulation with
-            keep ``tube`` or ``ends``): they hold a torque limit exactly.
+            keep ``tube`` or ``ends``): they hold a torque limit exactly; under a limit of torque rates these are.
         scheme: collocation points, Radau IIA or Gauss-Legendre.
         intervals: of the first mesh; the mesh is refined until the tolerance holds.
         degree: of the state's polynomials in each interval.
@@ -122,7 +122,7 @@ class Collocation:
     scheme: SchemeName = "radau"
     intervals: Annotated[int, Ge(2), Le(MOST_INTERVALS)] = 16
     degree: Annotated[int, Ge(2), Le(12)] = 5
-    tolerance: Annotated[float, Ge(LEAST_TOLERANCE)] = 1e-6
+    tolerance: Annotated[float, Ge(LEAST_TOLERANCE), Le(1.0)] = 1e-6
     starts: Annotated[int, Ge(1), Le(200)] | None = None
     solver: SolverName = "ipopt"
     compiled: bool = False

@@ -27,6 +27,7 @@ from occ.optimal.between import chebyshev_places
 from occ.optimal.driven import DrivenMotion
 from occ.optimal.powers import (
     UNIT,
+    Panels,
     chebyshev_coefficients,
     derivative,
     integral,
@@ -38,10 +39,13 @@ from occ.optimal.powers import (
     values_at,
 )
 from occ.optimal.proof import Quantities, proven
-from occ.trajectory import PiecewisePolynomial
 
 DEGREE = 20
-"""Of the polynomials of the velocities."""
+"""Of the polynomials of the velocities' rates."""
+RESOLVED = 6.0
+"""Widest panel in units of the fastest time constant: exp(-6 s) is known to rounding by a polynomial of that degree."""
+PANELS = 16
+"""In one interval at most."""
 NEWTON = 3
 """Steps of Newton's method from the integrated motion."""
 NEGLIGIBLE = 1e-10
@@ -85,7 +89,7 @@ class EnclosedVelocity:
     """pi'(t) within a distance of polynomials.
 
     Args:
-        edges: (N + 1,) [s] of the torques' intervals.
+        edges: (N + 1,) [s] of the torques' panels.
         powers: (3, N, d) polynomials v on them.
         distance: (N,) [J^(1/2)] largest |e|_A on each.
         inverse: (3, 3) A^-1.
@@ -101,21 +105,43 @@ class EnclosedVelocity:
         return np.asarray(np.sqrt(np.einsum("ki,ij,kj->k", rows, self.inverse, rows))[:, None] * self.distance)
 
 
-def enclosed_velocity(matrices: Matrices, motion: DrivenMotion, signal: PiecewisePolynomial) -> EnclosedVelocity:
+def panel_counts(matrices: Matrices, motion: DrivenMotion, edges: np.ndarray) -> np.ndarray:
+    """(N,) Panels on which polynomials know the velocities and the rotation to rounding, for each of N intervals.
+
+    Args:
+        matrices: of the platform.
+        motion: integrated.
+        edges: (N + 1,) [s] of the torques' intervals.
+
+    Returns:
+        Whole numbers from 1 to ``PANELS``.
+    """
+    velocity = motion((edges[:-1] + edges[1:]) / 2)[3:]
+    root = _root(matrices)
+    fastest = np.maximum(np.linalg.norm(root @ matrices.slope(velocity) @ root.T, 2, axis=(1, 2)), np.abs(velocity[2]))
+    return np.clip(np.ceil(fastest * np.diff(edges) / RESOLVED), 1, PANELS).astype(int)
+
+
+def _root(matrices: Matrices) -> np.ndarray:
+    """(3, 3) L^-1 of A = L L^T."""
+    return np.linalg.inv(np.linalg.cholesky(matrices.inertia))
+
+
+def enclosed_velocity(matrices: Matrices, motion: DrivenMotion, torque: Panels) -> EnclosedVelocity:
     """Polynomials near the true pseudo-velocities, and how near.
 
     Args:
         matrices: of the platform.
         motion: integrated with these torques.
-        signal: the torques.
+        torque: the torques.
 
     Returns:
         Velocities with proven distances.
     """
-    edges, torque = signal.edges, signal.powers
-    velocity = _polynomials(matrices, motion, edges, torque)
+    edges = torque.edges
+    velocity = _polynomials(matrices, motion, edges, torque.powers)
     inverse = np.linalg.inv(matrices.inertia)
-    residual = _residual(matrices, velocity, torque, edges, inverse)
+    residual = _residual(matrices, velocity, torque, inverse)
     ends = values_at(velocity, np.array([-1.0, 1.0]))
     jumps = ends[:, 1:, 0] - ends[:, :-1, 1]
     jumps = np.concatenate([(motion.start[3:] - ends[:, 0, 0])[:, None], jumps], axis=1)
@@ -138,7 +164,11 @@ def _mean_growth(z: float) -> float:
 
 
 def _polynomials(matrices: Matrices, motion: DrivenMotion, edges: np.ndarray, torque: np.ndarray) -> np.ndarray:
-    """(3, N, d) From the integrated motion by Newton's method: v = v(start) + integral of A^-1 (..) at the nodes."""
+    """(3, N, d) From the integrated motion by Newton's method: v = v(start) + integral of A^-1 (..) at the nodes.
+
+    They are the integrals of their rates: the derivative of what goes through rounded velocities would be that of the
+    rounding, too, the more so the shorter the interval.
+    """
     x = 2 * chebyshev_places(DEGREE) - 1
     half, count = np.diff(edges) / 2, len(x)
     middle = (edges[:-1] + edges[1:]) / 2
@@ -168,7 +198,11 @@ def _polynomials(matrices: Matrices, motion: DrivenMotion, edges: np.ndarray, to
             now = v[:, k, -1] + step[:, -1, 0] + step[:, -1, 1:] @ change[k]
         begin = begin + change.T
         v = v + (steps[..., 0] + np.einsum("niqj,nj->niq", steps[..., 1:], change)).transpose(1, 0, 2)
-    return through(v)
+    rate = -np.tensordot(inverse, matrices.balance(v, np.zeros_like(v), force), 1)
+    result = integral(through(rate), edges, np.zeros(3))
+    # Each from its own beginning: a sum over all of them would gather rounding.
+    result[:, :, 0] += begin - values_at(result, np.array([-1.0]))[..., 0]
+    return result
 
 
 @cache
@@ -179,29 +213,27 @@ def _integrals() -> np.ndarray:
     return np.asarray(np.polynomial.chebyshev.chebval(2 * chebyshev_places(DEGREE) - 1, integrals.T))
 
 
-def _residual(
-    matrices: Matrices, velocity: np.ndarray, torque: np.ndarray, edges: np.ndarray, inverse: np.ndarray
-) -> np.ndarray:
+def _residual(matrices: Matrices, velocity: np.ndarray, torque: Panels, inverse: np.ndarray) -> np.ndarray:
     """(N,) Largest |r|_{A^-1} of a polynomial r: the less of two bounds.
 
     No value is larger than the sum of the Chebyshev coefficients, or than Lebesgue's constant times the largest value
     at the Chebyshev points; the first is nearer where r is not small, the second keeps the digits where it is.
     """
-    degree = max(2 * (velocity.shape[2] - 1), torque.shape[2] - 1)
+    degree = max(2 * (velocity.shape[2] - 1), torque.powers.shape[2] - 1)
     x = 2 * chebyshev_places(degree) - 1
-    rates = derivative(velocity, edges)
-    values = matrices.balance(values_at(velocity, x), values_at(rates, x), values_at(torque, x))
-    sizes = matrices.sizes.balance(size_of(velocity), size_of(rates), size_of(torque), sign=1.0)
+    rates = derivative(velocity, torque.edges)
+    values = matrices.balance(values_at(velocity, x), values_at(rates, x), values_at(torque.powers, x))
+    sizes = matrices.sizes.balance(size_of(velocity), size_of(rates), size_of(torque.powers), sign=1.0)
     # Rounding is that of the values; there are degree + 1 coefficients, and that many values in each.
     whole = np.abs(chebyshev_coefficients(values)).sum(axis=2) + UNIT * degree**2 * sizes
     largest = lebesgue(degree) * (np.abs(values).max(axis=2) + UNIT * velocity.shape[2] * sizes)
-    bounds = np.minimum(whole, largest)
+    bounds = np.minimum(whole, largest) + np.tensordot(np.abs(matrices.wheel_rates.T), torque.slack, 1)
     return np.asarray(np.sqrt(np.einsum("ik,ij,jk->k", bounds, np.abs(inverse), bounds)))
 
 
 def _growth(matrices: Matrices, velocity: np.ndarray) -> np.ndarray:
     """(N,) [1/s] Bounds of mu: its value at the middle, and what the velocities' changes can add."""
-    root = np.linalg.inv(np.linalg.cholesky(matrices.inertia))
+    root = _root(matrices)
     slopes = root @ matrices.slope(velocity[:, :, 0]) @ root.T
     middle = np.linalg.eigvalsh(-(slopes + np.swapaxes(slopes, 1, 2)) / 2)[:, -1]
     each = root @ np.moveaxis(matrices.gyroscopic, 2, 0) @ root.T

@@ -21,11 +21,11 @@ from occ.motion import ProgramMotion, kinematics_function
 from occ.optimal.attempt import Attempt
 from occ.optimal.cost import Aim
 from occ.optimal.driven import DrivenMotion
-from occ.optimal.enclosed_motion import EnclosedVelocity, Matrices, enclosed_pose, enclosed_velocity
+from occ.optimal.enclosed_motion import EnclosedVelocity, Matrices, enclosed_pose, enclosed_velocity, panel_counts
 from occ.optimal.formulation import Formulation
 from occ.optimal.full import Full, full_problem
 from occ.optimal.limits import LimitedArcs, line_numbers, rows_of
-from occ.optimal.powers import UNIT, derivative, integral, integral_slack, size_of, stacked
+from occ.optimal.powers import UNIT, Panels, derivative, integral, integral_slack, size_of, stacked
 from occ.optimal.problem import Problem
 from occ.optimal.proof import Proven, Quantities, proven
 from occ.optimal.reduced import Reduced, reduced_problem
@@ -37,6 +37,8 @@ KNOT = 1e-9
 SHARP = 1e-7
 """A bound that contains no more than this, relative to the limit, of what is not the polynomial's is a proof; others
 are left to the estimate, which would not be passed for nothing then."""
+AFFORDABLE = 0.01
+"""The same in units of the tolerance of the cost: taking so little off a limit costs next to nothing of it."""
 LARGEST = "largest_torque"
 """What is named where the largest torque is the cost and its rows are estimated."""
 TORQUE_SQUARED = Aim.single("torque_squared")
@@ -87,7 +89,8 @@ def _with_bounds(
     """The arcs with the bounds that are sharp; those of torques are in units of the claimed one, if there is one."""
     found, added = bounds
     places, proven_places = (_places(each) for each in (formulation, asked))
-    sharp = np.isfinite(found.largest).all(axis=1) & (added.max(axis=1) <= SHARP)
+    most = max(SHARP, AFFORDABLE * formulation.settings.tolerance)
+    sharp = np.isfinite(found.largest).all(axis=1) & (added.max(axis=1) <= most)
     names = tuple(name for name in places if sharp[proven_places[name]].all())
     relative = found.largest + added
     largest, remainder = arcs.largest.copy(), found.remainder
@@ -131,7 +134,8 @@ def on_path(formulation: Formulation, control: SymbolicControl, start: np.ndarra
     slack = integral_slack(rate, signal.edges, UNIT * signal.powers.shape[2] * size_of(signal.powers[:1]))
     slack = np.concatenate([integral_slack(heading, signal.edges, slack), slack])
     reduced = Reduced(task, replace(formulation.settings, aim=TORQUE_SQUARED))
-    return _quantities(reduced, reduced_problem(shape), signal, (stacked([*heading, *rate]), slack))
+    panels = Panels.of(signal.edges, _signals(reduced, signal), np.ones(len(signal.edges) - 1, dtype=int))
+    return _quantities(reduced, reduced_problem(shape), panels, (stacked([*heading, *rate]), slack))
 
 
 def beside_path(formulation: Full, control: SymbolicControl, motion: DrivenMotion) -> tuple[Proven, np.ndarray]:
@@ -148,21 +152,24 @@ def beside_path(formulation: Full, control: SymbolicControl, motion: DrivenMotio
     task, signal = formulation.task, control.signal
     assert signal is not None
     matrices = Matrices.of(task.dynamics.coefficients)
-    velocity = enclosed_velocity(matrices, motion, signal)
-    pose = enclosed_pose(velocity, motion.start[:3], task.point)
     full = Full(task, replace(formulation.settings, aim=TORQUE_SQUARED))
+    panels = Panels.of(signal.edges, _signals(full, signal), panel_counts(matrices, motion, signal.edges))
+    torque = panels.rows(len(signal.powers))
+    velocity = enclosed_velocity(matrices, motion, torque)
+    pose = enclosed_pose(velocity, motion.start[:3], task.point)
     states = stacked([*pose.powers, *velocity.powers])
     slack = UNIT * states.shape[2] * size_of(states)
-    found = proven(_quantities(full, full_problem(full.shape), signal, (states, slack)))
-    added = [_added(formulation, name, velocity, signal) for name in formulation.limited]
+    found = proven(_quantities(full, full_problem(full.shape), panels, (states, slack)))
+    added = [_added(formulation, name, velocity, torque) for name in formulation.limited]
     if formulation.settings.radius is not None:
         distance = np.sqrt(found.largest[-1:]) * formulation.settings.radius
         added.append((2 * distance + pose.point) * pose.point / formulation.settings.radius**2)
-    return found, np.concatenate(added)
+    largest, more = (panels.largest(values) for values in (found.largest, np.concatenate(added)))
+    return replace(found, largest=largest), more
 
 
-def _added(formulation: Formulation, name: str, velocity: EnclosedVelocity, signal: PiecewisePolynomial) -> np.ndarray:
-    """(k, N) What the distance of the velocities can add to a limited quantity, relative to its limit."""
+def _added(formulation: Formulation, name: str, velocity: EnclosedVelocity, torque: Panels) -> np.ndarray:
+    """(k, P) What the distance of the velocities can add to a limited quantity, relative to its limit."""
     limits = formulation.task.limits
     rates = velocity.within(np.array(formulation.task.dynamics.coefficients.wheel_rates))
     if name == "wheel_speed":
@@ -170,7 +177,7 @@ def _added(formulation: Formulation, name: str, velocity: EnclosedVelocity, sign
         return rates / limits.wheel_speed
     if name == "wheel_power":
         assert limits.wheel_power is not None
-        return rates * size_of(signal.powers) / limits.wheel_power
+        return rates * size_of(torque.powers) / limits.wheel_power
     if name == "torque_speed_line":
         return rates * line_numbers(limits)[1]
     if name == "platform_speed":
@@ -181,16 +188,19 @@ def _added(formulation: Formulation, name: str, velocity: EnclosedVelocity, sign
     return np.zeros_like(rates)
 
 
+def _signals(formulation: Reduced | Full, signal: PiecewisePolynomial) -> np.ndarray:
+    """(m, N, d) The signal, and its rates where they are limited, too."""
+    rates = derivative(signal.powers, signal.edges) if formulation.shape.has_torque_states else ()
+    return stacked([*signal.powers, *rates])
+
+
 def _quantities(
-    formulation: Reduced | Full, problem: Problem, signal: PiecewisePolynomial, states: tuple[np.ndarray, np.ndarray]
+    formulation: Reduced | Full, problem: Problem, signals: Panels, states: tuple[np.ndarray, np.ndarray]
 ) -> Quantities:
-    """The path conditions of a problem along mechanical states (m, N, d), with their slack (m, N), and a signal."""
-    task, edges = formulation.task, signal.edges
-    rows = [*states[0], *signal.powers]
-    if formulation.shape.has_torque_states:
-        rows += list(derivative(signal.powers, edges))
-    powers = stacked(rows)
-    others = UNIT * powers.shape[2] * size_of(powers[len(states[0]) :])
+    """The path conditions of a problem along mechanical states (m, P, d), with their slack (m, P), and signals."""
+    task, edges = formulation.task, signals.edges
+    powers = stacked([*states[0], *signals.powers])
+    others = signals.slack + UNIT * powers.shape[2] * size_of(signals.powers)
     return Quantities(
         function=_path_function(problem, formulation.shape.full, *task.motion_structure),
         edges=edges,

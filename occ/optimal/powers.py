@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cache
 from math import comb
 
 import numpy as np
@@ -50,11 +52,16 @@ def through(values: np.ndarray) -> np.ndarray:
     By way of Chebyshev polynomials, whose own coefficients are whole numbers: the equations of the powers would lose
     half of the digits.
     """
-    count = values.shape[-1]
+    return np.asarray(chebyshev_coefficients(values) @ _whole(values.shape[-1]))
+
+
+@cache
+def _whole(count: int) -> np.ndarray:
+    """Coefficients of the first Chebyshev polynomials, one a row."""
     whole = np.zeros((count, count))
     for j in range(count):
         whole[j, : j + 1] = np.polynomial.chebyshev.cheb2poly(np.eye(count)[j, : j + 1])
-    return np.asarray(chebyshev_coefficients(values) @ whole)
+    return whole
 
 
 def derivative(powers: np.ndarray, edges: np.ndarray) -> np.ndarray:
@@ -86,8 +93,9 @@ def integral_slack(result: np.ndarray, edges: np.ndarray, slack: np.ndarray | fl
     Returns:
         (m, N).
     """
-    size = np.maximum.accumulate(size_of(result), axis=1)
-    own = UNIT * result.shape[1] * result.shape[2] * size
+    # A sum over intervals is rounded once in each; changes in them are sums of as many terms as there are coefficients.
+    sums = np.arange(2, result.shape[1] + 2) * np.maximum.accumulate(size_of(result), axis=1)
+    own = UNIT * (sums + result.shape[2] * np.cumsum(size_of(result[:, :, 1:]), axis=1))
     return np.asarray(own + np.cumsum(np.diff(edges) * (slack + np.zeros_like(own)), axis=1))
 
 
@@ -112,3 +120,49 @@ def cut(powers: np.ndarray, panels: int) -> np.ndarray:
         for low in range(k + 1):
             shift[:, k, low] = comb(k, low) * centres ** (k - low) / panels**low
     return np.einsum("mrk,pkl->mrpl", powers, shift).reshape(len(powers), count * panels, degree)
+
+
+@dataclass(frozen=True)
+class Panels:
+    """Polynomials in time on panels of intervals.
+
+    Args:
+        edges: (P + 1,) [s] of the panels.
+        powers: (m, P, d) polynomials on them.
+        slack: (m, P) how far they may be from those that were cut, in time.
+        first: (N,) number of the first panel in each interval.
+    """
+
+    edges: np.ndarray
+    powers: np.ndarray
+    slack: np.ndarray
+    first: np.ndarray
+
+    @classmethod
+    def of(cls, edges: np.ndarray, powers: np.ndarray, counts: np.ndarray) -> Panels:
+        """Equal panels of intervals.
+
+        Args:
+            edges: (N + 1,) [s] of the intervals.
+            powers: (m, N, d) polynomials on them.
+            counts: (N,) panels of each.
+
+        Returns:
+            Panels whose slack is the rounding of their coefficients and of their edges.
+        """
+        parts = [cut(powers[:, k : k + 1], count) for k, count in enumerate(counts)]
+        begins = [edges[k] + np.diff(edges)[k] * np.arange(count) / count for k, count in enumerate(counts)]
+        late = UNIT * np.abs(edges).max() * size_of(derivative(powers, edges))
+        slack = np.where(counts > 1, UNIT * powers.shape[2] * size_of(powers) + late, 0.0)
+        first = np.cumsum(counts) - counts
+        return cls(
+            np.append(np.concatenate(begins), edges[-1]), np.concatenate(parts, axis=1), slack.repeat(counts, 1), first
+        )
+
+    def rows(self, count: int) -> Panels:
+        """The first ones of the polynomials."""
+        return replace(self, powers=self.powers[:count], slack=self.slack[:count])
+
+    def largest(self, values: np.ndarray) -> np.ndarray:
+        """(k, N) Largest value in each interval of values (k, P) in the panels."""
+        return np.asarray(np.maximum.reduceat(values, self.first, axis=1))

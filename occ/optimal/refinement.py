@@ -221,8 +221,10 @@ class Refinement:
 
     def _confirmed(self, attempt: Attempt) -> tuple[bool, Attempt]:
         """Whether the doubled mesh gives the same cost; the attempt with the change, or the doubled one where not."""
-        if not self.method.doubled or 2 * attempt.grid.intervals > MOST_INTERVALS:
+        if not self.method.doubled:
             return True, attempt
+        if 2 * attempt.grid.intervals > MOST_INTERVALS:
+            return True, replace(attempt, doubled=math.inf)
         if attempt.outcome.status is not Status.OK:
             return False, attempt
         twice = self.on_doubled_mesh(attempt)

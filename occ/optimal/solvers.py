@@ -183,6 +183,9 @@ _WORDS = {
     "Infeasible_Problem_Detected": (Status.INFEASIBLE, "the solver found the constraints to contradict each other"),
     "Maximum_Iterations_Exceeded": (Status.FAILED, "the solver used all its {iterations} iterations"),
     "Maximum_WallTime_Exceeded": (Status.FAILED, "the solver used all its time, {seconds:g} s"),
+    "Restoration_Failed": (Status.FAILED, "the solver came to where it found no way back to the conditions"),
+    "Search_Direction_Becomes_Too_Small": (Status.FAILED, "the solver's steps became too small to make progress"),
+    "Diverging_Iterates": (Status.FAILED, "the solver's unknowns grew without end"),
     NOT_FINITE: (Status.FAILED, "a function of the problem is not finite"),
 }
 
