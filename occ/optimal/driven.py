@@ -28,6 +28,11 @@ class DrivenMotion:
         control: the wheel torques; smooth between its knots.
         start: (6,) x(0).
 
+    Attributes:
+        edges: (K + 1,) [s] knots, start and end.
+        edge_states: (6, K + 1) x there.
+        end_state: (6,) the last of them.
+
     Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.5 and II.6 (DOP853, dense output).
     """
 
@@ -40,13 +45,15 @@ class DrivenMotion:
         self.edges = np.concatenate([[0.0], control.knots, [task.duration]])
         self._pieces: list[Callable[[np.ndarray], np.ndarray]] = []
         self.start = state = start
+        states = [start]
         for begin, end in zip(self.edges[:-1], self.edges[1:], strict=True):
             rate = _rate(forward, control.segment(begin, end))
             method = {"method": "DOP853", "dense_output": True, "rtol": TOLERANCE, "atol": TOLERANCE}
             result = solve_ivp(rate, (begin, end), state, **method)
             self._pieces.append(result.sol)
             state = result.y[:, -1]
-        self.end_state = state
+            states.append(state)
+        self.end_state, self.edge_states = state, np.stack(states, axis=1)
 
     def __call__(self, t: np.ndarray) -> np.ndarray:
         """x (6, N) at the times t (N,) [s]."""

@@ -155,15 +155,18 @@ def beside_path(formulation: Full, control: SymbolicControl, motion: DrivenMotio
     full = Full(task, replace(formulation.settings, aim=TORQUE_SQUARED))
     panels = Panels.of(signal.edges, _signals(full, signal), panel_counts(matrices, motion, signal.edges))
     torque = panels.rows(len(signal.powers))
-    velocity = enclosed_velocity(matrices, motion, torque)
-    pose = enclosed_pose(velocity, motion.start[:3], task.point)
+    # Where nothing is known distances grow beyond all numbers; infinite ones, or none, are no proof.
+    with np.errstate(over="ignore", invalid="ignore"):
+        velocity = enclosed_velocity(matrices, motion, torque)
+        pose = enclosed_pose(velocity, motion.start[:3], task.point)
     states = stacked([*pose.powers, *velocity.powers])
     slack = UNIT * states.shape[2] * size_of(states)
     found = proven(_quantities(full, full_problem(full.shape), panels, (states, slack)))
-    added = [_added(formulation, name, velocity, torque) for name in formulation.limited]
-    if formulation.settings.radius is not None:
-        distance = np.sqrt(found.largest[-1:]) * formulation.settings.radius
-        added.append((2 * distance + pose.point) * pose.point / formulation.settings.radius**2)
+    with np.errstate(over="ignore", invalid="ignore"):
+        added = [_added(formulation, name, velocity, torque) for name in formulation.limited]
+        if formulation.settings.radius is not None:
+            distance = np.sqrt(found.largest[-1:]) * formulation.settings.radius
+            added.append((2 * distance + pose.point) * pose.point / formulation.settings.radius**2)
     largest, more = (panels.largest(values) for values in (found.largest, np.concatenate(added)))
     return replace(found, largest=largest), more
 

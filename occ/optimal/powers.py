@@ -152,7 +152,7 @@ class Panels:
         """
         parts = [cut(powers[:, k : k + 1], count) for k, count in enumerate(counts)]
         begins = [edges[k] + np.diff(edges)[k] * np.arange(count) / count for k, count in enumerate(counts)]
-        late = UNIT * np.abs(edges).max() * size_of(derivative(powers, edges))
+        late = UNIT * np.abs(edges[1:]) * size_of(derivative(powers, edges))
         slack = np.where(counts > 1, UNIT * powers.shape[2] * size_of(powers) + late, 0.0)
         first = np.cumsum(counts) - counts
         return cls(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import casadi as ca
 import numpy as np
@@ -12,20 +12,24 @@ import pytest
 
 from occ.control import SymbolicControl
 from occ.errors import Status
-from occ.motion import Ellipse, FigureEight, RestToRestLine, SplineMotion
+from occ.model.presets import omni3, youbot
+from occ.motion import Circle, Ellipse, FigureEight, RestToRestLine, SplineMotion
 from occ.motion.base import ProgramMotion
+from occ.optimal import limit_proof
 from occ.optimal.attempt import Attempt, Grid
 from occ.optimal.between import DEGREE, chebyshev_places, largest_of_polynomial
 from occ.optimal.collocation import Collocation
-from occ.optimal.limit_proof import on_path, with_proof
-from occ.optimal.proof import Quantities, proven
+from occ.optimal.driven import DrivenMotion
+from occ.optimal.full import Full
+from occ.optimal.limit_proof import AFFORDABLE, SHARP, on_path, with_proof
+from occ.optimal.proof import Proven, Quantities, proven
 from occ.optimal.reduced import path_control
-from occ.optimal.search import Search
+from occ.optimal.search import HELD, Search
 from occ.optimal.starts import starts_of
 from occ.referee import examine
 from occ.task import Claim, Limits, Solution, Task
 from occ.trajectory import PiecewisePolynomial
-from tests.tasks import paper_task
+from tests.tasks import LAP, paper_task
 
 
 def of_time(expression: ca.SX, t: ca.SX, edges: np.ndarray) -> Quantities:
@@ -231,6 +235,99 @@ class TestLargestTorque:
         claimed = found.outcome.nodes.edges[-1, -1]
         assert torques_of(search, found).max() <= claimed * (1 + 1e-4)
         assert found.largest_excess <= 1e-4
+
+
+FREE = youbot(wheel_friction=0.0, roller_friction=0.0)
+TUBES = {
+    "thin": (paper_task(4.0), 1e-4),
+    "four laps": (paper_task(4 * LAP), 0.01),
+    "no friction": (paper_task(15.0, platform=FREE), 0.01),
+    "three wheels": (
+        dataclasses.replace(paper_task(15.7, platform=omni3()), motion=Circle(radius=0.7, rate=0.4, phase=0.0)),
+        1e-3,
+    ),
+}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow if name == "three wheels" else ()) for name in TUBES]
+)
+def test_tubes_that_are_thin_or_long(name: str) -> None:
+    task, radius = TUBES[name]
+    keys = {"objective": "torque_squared", "keep": "tube", "radius": radius, "tolerance": 1e-6, "intervals": 24}
+    search, attempt = first_attempt(task, keys)
+    found = with_proof(search.formulation, attempt).arcs
+    assert found is not None
+    assert found.proven == ("tube",)
+    assert found.remainder <= SHARP
+    # Independent of the proof: the distances in the referee's replay.
+    formulation = search.formulation
+    control = formulation.control(attempt.transcription, attempt.edges, attempt.outcome.nodes)
+    start = formulation.start_state(attempt.outcome.nodes)
+    replay = examine(task, Solution(control=control, start_state=start, claim=Claim(keep="tube", radius=radius))).replay
+    assert replay is not None
+    times = attempt.edges[:-1, None] + np.diff(attempt.edges)[:, None] * np.linspace(1e-9, 1.0 - 1e-9, 61)
+    away = task.point_motion(replay.sample(times.ravel()).state)[0] - task.motion.at(times.ravel())[0]
+    seen = (np.sum(away**2, axis=0) / radius**2).reshape(times.shape).max(axis=1)
+    # The referee's own errors are larger than those of the proof.
+    rough = 2e-9 / radius
+    assert np.all(found.largest[0] >= seen - rough)
+    assert np.all(found.largest[0] <= seen + rough + 1e-2 * seen.max())
+
+
+def with_remainder(monkeypatch: pytest.MonkeyPatch, remainder: float) -> None:
+    """Proofs that know the motion less well than they do."""
+    exact = limit_proof.beside_path
+
+    def rough(*arguments: Any) -> tuple[Proven, np.ndarray]:
+        found, added = exact(*arguments)
+        return found, added + remainder
+
+    monkeypatch.setattr(limit_proof, "beside_path", rough)
+
+
+class TestRemainderInUnitsOfTheTolerance:
+    """How much of a bound may be that of not knowing the motion any better."""
+
+    keys: ClassVar = {"objective": "torque_squared", "keep": "tube", "radius": 0.02}
+
+    @pytest.mark.parametrize(("remainder", "proven"), [(0.9e-6, True), (1.1e-6, False)])
+    def test_where_the_proof_ends(self, remainder: float, proven: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+        search, attempt = first_attempt(paper_task(3.0), self.keys)
+        exact = with_proof(search.formulation, attempt).arcs
+        with_remainder(monkeypatch, remainder)
+        found = with_proof(search.formulation, attempt).arcs
+        assert found is not None
+        assert exact is not None
+        assert search.formulation.settings.tolerance * AFFORDABLE == pytest.approx(1e-6)
+        assert (found.proven, found.estimated) == ((("tube",), ()) if proven else ((), ("tube",)))
+        if proven:
+            np.testing.assert_allclose(found.largest - exact.largest, remainder, rtol=1e-6)
+
+    @pytest.mark.parametrize("growth", [1e2, 1e3, 1e5])
+    def test_distances_beyond_all_numbers_are_no_proof(self, growth: float, monkeypatch: pytest.MonkeyPatch) -> None:
+        limits = Limits(wheel_speed=9.0, wheel_power=30.0, platform_speed=0.5)
+        search, attempt = first_attempt(paper_task(3.0, limits=limits), self.keys)
+        monkeypatch.setattr("occ.optimal.enclosed_motion.EIGENVALUES", growth)
+        found = with_proof(search.formulation, attempt).arcs
+        assert found is not None
+        assert found.estimated == ("wheel_speed", "wheel_power", "platform_speed", "tube")
+
+    def test_it_is_taken_off_the_limit(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        # The bound with the remainder in it has to be held, so that the motion itself stays that far inside.
+        with_remainder(monkeypatch, 0.9e-6)
+        player = Collocation(**self.keys, tolerance=1e-4)
+        solution = player.solve(paper_task(3.0))
+        assert solution.status is Status.OK, solution.message
+        assert "limits of tube proven between nodes on its motion, remainders of 9e-07 included" in solution.message
+        monkeypatch.undo()
+        formulation = player.posed(paper_task(3.0))
+        assert isinstance(formulation, Full)
+        assert isinstance(solution.control, SymbolicControl)
+        assert solution.start_state is not None
+        motion = DrivenMotion(formulation.task, solution.control, solution.start_state)
+        found, added = limit_proof.beside_path(formulation, solution.control, motion)
+        assert (found.largest + added).max() <= 1.0 + HELD - 0.8e-6
 
 
 class TestRows:
