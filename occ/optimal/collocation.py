@@ -186,8 +186,8 @@ class Collocation:
     @property
     def options(self) -> SolverOptions:
         """Of the solver of the nonlinear programs."""
-        tolerance, non_smooth = SolverOptions().tolerance, is_non_smooth(self.asked.terms)
-        if non_smooth:
+        tolerance = SolverOptions().tolerance
+        if is_non_smooth(self.asked.terms):
             # Slacks that are zero over whole arcs converge slowly: no more than what the error between nodes asks for.
             most, part = NON_SMOOTH_TOLERANCE
             tolerance = max(min(most, part * self.tolerance), LEAST_NON_SMOOTH)
@@ -197,7 +197,6 @@ class Collocation:
             iterations=self.iterations,
             seconds=self.seconds,
             tolerance=tolerance,
-            ordering="minimum_degree" if non_smooth else "own",
         )
 
     @property

@@ -52,9 +52,12 @@ class Search(Refinement):
     """
 
     def __init__(self, formulation: Formulation, method: Method) -> None:
+        shape = formulation.shape
+        if shape.slacks and shape.has_torque_states:
+            method = replace(method, options=replace(method.options, ordering="minimum_degree"))
         super().__init__(formulation.problem(), formulation, method)
         self.formulation = formulation
-        self.stall = STALL_AT_KINKS if formulation.shape.slacks else STALL
+        self.stall = STALL_AT_KINKS if shape.slacks else STALL
         self._patience = 1.0 if is_regular(formulation.settings.aim.terms) else PATIENCE
         task = formulation.task
         self._kept = task.motion.knots(task.duration)

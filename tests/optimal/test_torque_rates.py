@@ -11,6 +11,7 @@ import pytest
 from occ.errors import Status
 from occ.optimal.collocation import Collocation
 from occ.optimal.formulation import SETTLING, Formulation
+from occ.optimal.search import Search
 from occ.optimal.starts import law_rotation
 from occ.optimal.transcription import Outcome, Transcription
 from occ.referee import examine, judge
@@ -97,3 +98,16 @@ def test_least_work_in_a_tube_under_limits_of_torques_and_their_rates() -> None:
     work = record.measures["work_J"]
     assert free.measures["work_J"] * (1 - 2e-3) < work < free.measures["work_J"] * (1 + 2e-2)
     assert sum(each["iterations"] for each in solution.statistics["rounds"]) < 1500
+
+
+def test_slacks_and_torque_rates_are_ordered_so_that_matrices_stay_sparse() -> None:
+    """MUMPS' own ordering delays pivots there, until 512 intervals take 40 times as long."""
+    for limits, objective, ordering in (
+        (Limits(torque_rate=1.0), "bus_work", "minimum_degree"),
+        (Limits(torque_rate=1.0), "torque_squared", "own"),
+        (Limits(torque=1.0), "bus_work", "own"),
+    ):
+        player = Collocation(objective=objective)
+        formulation = player.posed(paper_task(4.0, limits=limits))
+        assert formulation is not None
+        assert Search(formulation, player.method).method.options.ordering == ordering
