@@ -44,7 +44,7 @@ def test_rows_that_are_not_ok_come_with_reason_and_advice(tmp_path: Path) -> Non
     text = section(report(store(tmp_path, ROWS)), "## Answer").split("### Rows that are not ok\n")[1]
     assert "| infeasible | wheel 2 torque needs 3.1 N m; limit 2.1 N m |" in text
     assert "\n- Infeasible: raise the limit that the message names, or" in text
-    assert "\n- Crashed: report the message" in text
+    assert "\n- Crashed: the message says why: what ran out of time wants more --time-limit or --patience" in text
     assert "Failed" not in text
     assert "Infeasible" not in report(store(tmp_path, ROWS[:2]))
 
