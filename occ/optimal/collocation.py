@@ -261,7 +261,7 @@ class Collocation:
         """The best of all windings that the end leaves open."""
         best, tried = None, {}
         for winding in self._windings(task, near):
-            solution = self._solve(task, winding, None if near is None else Nearby.of(near, task.duration))
+            solution = self._solve(task, winding, None if near is None else Nearby.of(near, task))
             tried[winding] = solution.statistics.get("claimed_cost")
             better = best is None or (best.status is not Status.OK and solution.status is Status.OK)
             if best is not None and best.status is solution.status is Status.OK:

@@ -10,7 +10,7 @@ import numpy as np
 
 from occ.control import Control
 from occ.errors import InputError, Status
-from occ.task import Solution
+from occ.task import Solution, Task
 from occ.trajectory import Trajectory
 
 
@@ -31,18 +31,18 @@ class Nearby:
     duration: float
 
     @classmethod
-    def of(cls, solution: Solution, duration: float) -> Nearby:
+    def of(cls, solution: Solution, task: Task) -> Nearby:
         """From a solution that collocation has found.
 
         Args:
             solution: of a task nearby.
-            duration: [s] of the new horizon.
+            task: the new one.
 
         Returns:
             The start of a search.
 
         Raises:
-            InputError: there is no solution in it, no motion or no mesh.
+            InputError: there is no solution in it, no motion or no mesh, or another number of wheels.
         """
         control, claimed = solution.control, solution.claimed
         if solution.status is not Status.OK or control is None or claimed is None or not control.knots.size:
@@ -50,7 +50,12 @@ class Nearby:
                 f"Collocation: near should be a solution that collocation has found, with a mesh and status 'ok'; "
                 f"its status is {solution.status.value!r}, its message {solution.message!r}"
             )
-        return cls(control, claimed, duration)
+        wheels = len(control.torque(claimed.t[:1], claimed.state[:, :1]))
+        if wheels != task.platform.wheel_count:
+            raise InputError(
+                f"Collocation: near should be a solution for {task.platform.wheel_count} wheels, not for {wheels}"
+            )
+        return cls(control, claimed, task.duration)
 
     @property
     def edges(self) -> np.ndarray:

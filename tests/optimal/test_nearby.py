@@ -11,7 +11,7 @@ import pytest
 
 from occ.errors import InputError, Status
 from occ.laws import ServoLaw
-from occ.model.presets import youbot
+from occ.model.presets import omni3, youbot
 from occ.optimal.collocation import Collocation
 from occ.optimal.nearby import Nearby
 from occ.referee import judge
@@ -110,7 +110,7 @@ class TestNearby:
     def test_mesh_motion_and_torques_are_those_of_the_solution(self) -> None:
         task = limited()
         solution = Collocation(objective="torque_squared", keep="tube", radius=0.02, tolerance=1e-4).solve(task)
-        nearby = Nearby.of(solution, DURATION)
+        nearby = Nearby.of(solution, task)
         assert solution.control is not None
         assert solution.start_state is not None
         np.testing.assert_allclose(nearby.edges[1:-1], solution.control.knots, rtol=1e-15)
@@ -123,7 +123,7 @@ class TestNearby:
 
     def test_another_horizon_stretches_times_and_rates(self) -> None:
         solution = Collocation(objective="torque_squared", tolerance=1e-4).solve(limited())
-        one, other = Nearby.of(solution, DURATION), Nearby.of(solution, 2 * DURATION)
+        one, other = Nearby.of(solution, limited()), Nearby.of(solution, limited(duration=2 * DURATION))
         t = np.linspace(0.0, DURATION, 20)
         np.testing.assert_allclose(other.edges, 2 * one.edges, rtol=1e-12)
         np.testing.assert_allclose(other(2 * t), one(t) / np.array([[1.0], [2.0], [4.0]]), atol=1e-12)
@@ -160,3 +160,9 @@ class TestNearby:
     def test_what_has_no_motion_is_refused(self, near: Solution) -> None:
         with pytest.raises(InputError, match="near should be a solution that collocation has found"):
             Collocation(objective="work").solve(paper_task(), near)
+
+    def test_another_number_of_wheels_is_refused(self) -> None:
+        near = Collocation(objective="torque_squared", tolerance=1e-3, starts=1).solve(limited())
+        player = Collocation(objective="torque_squared", keep="tube", radius=0.01)
+        with pytest.raises(InputError, match="near should be a solution for 3 wheels, not for 4"):
+            player.solve(paper_task(DURATION, platform=omni3()), near)
